@@ -32,7 +32,7 @@ fn main() {
         let Some(faces) =
             document.original().map(|o| o.content.faces).filter(|_| is_done && document.has_preview())
         else {
-            drop(writeln!(out, "{}: no road", path.display()));
+            drop(writeln!(out, "{}: no progressive mesh", path.display()));
             continue;
         };
         let ready = begin.elapsed().as_secs_f64();
@@ -54,7 +54,7 @@ fn main() {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         drop(writeln!(
             out,
-            "{name:24} {faces:>9} faces; open {opened:6.2} s, road {:6.2} s; {anywhere}; {near}",
+            "{name:24} {faces:>9} faces; open {opened:6.2} s, progressive mesh {:6.2} s; {anywhere}; {near}",
             ready - opened
         ));
     }

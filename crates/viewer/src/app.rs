@@ -61,7 +61,7 @@ pub struct App {
     use_system_dialogs: bool,
     /// File on which the cameras were last framed.
     framed: Option<PathBuf>,
-    /// Axis that pointed up then.
+    /// Axis that pointed up when the cameras were last framed.
     framed_up: UpAxis,
     /// Cameras of a session that is being opened.
     pending_cameras: Option<[Pose; 2]>,
@@ -76,9 +76,9 @@ pub struct App {
     has_own_timeline: bool,
     /// True while a file is read on a software adapter: then progress is drawn at [`LOADING_FRAME`] only.
     spares_frames: Arc<AtomicBool>,
-    /// Unit of the target last seen.
+    /// Unit of the last target.
     unit_of_target: Option<Unit>,
-    /// Target last seen while the pointer or a key was down, and since when it has been unchanged.
+    /// Last target while the pointer or a key was down, and the time at which it was set.
     held: Option<(Stop, Instant)>,
     /// The page around the window.
     page: Option<Rc<dyn BrowserPage>>,
@@ -91,7 +91,7 @@ type Saved = Result<PathBuf, String>;
 
 /// Fraction of the faces that remains after M was held for one second.
 const HELD_FACTOR_PER_SECOND: f64 = 0.45;
-/// Longest time between two frames that a held M counts: a pause of the program is not a wish.
+/// Maximum time between two frames that counts as holding M: the program may have been paused.
 const MAX_HELD_SECS: f32 = 0.5;
 /// Number of frames whose times are kept.
 const TIMED_FRAMES: usize = 60;
@@ -178,7 +178,7 @@ impl App {
     pub fn triangles_left(&self) -> u64 {
         self.pictures.triangles_left
     }
-    /// Returns true while a smooth picture of what is at rest is still to come.
+    /// Returns true until the antialiased picture of a scene at rest is complete.
     pub fn is_smoothing(&self) -> bool {
         self.pictures.is_smoothing
     }
@@ -203,7 +203,7 @@ impl App {
         } else if let Some(session) = files.iter().find(is_session).cloned() {
             self.open_session(&session);
         } else if !files.is_empty() {
-            // The working directory may change, and a name alone has no folder.
+            // The working directory may change, and a bare file name has no folder.
             let absolute = |file: PathBuf| std::path::absolute(&file).unwrap_or(file);
             self.document.run(Command::Open(files.into_iter().map(absolute).collect()));
         }
@@ -233,7 +233,7 @@ impl App {
         match asked.show(ctx) {
             OutsideAnswer::Open => self.outside_files = Some(asked),
             OutsideAnswer::Refused => {}
-            // The models that it names keep to their own folders.
+            // Its models may still refer only to files in their own folders.
             OutsideAnswer::Allowed => self.take_session(asked.session),
         }
     }
@@ -467,7 +467,7 @@ impl App {
     }
 
     fn panels(&mut self, ui: &mut Ui) {
-        // The slider follows a new target's unit, and keeps the one that is chosen for it.
+        // A new target sets the unit of the slider; the user may then choose another one.
         let of_target = Unit::of(self.document.settings());
         if std::mem::replace(&mut self.unit_of_target, of_target) != of_target {
             self.facts.unit = of_target.unwrap_or(self.facts.unit);
@@ -533,17 +533,17 @@ impl App {
                 }
             });
         }
-        let says = scope.requests;
+        let requests = scope.requests;
         self.facts.unit = chosen;
         for panel in closed {
             self.shown.remove(&panel);
         }
-        self.handle_requests(ui.ctx(), says);
+        self.handle_requests(ui.ctx(), requests);
     }
 
-    fn handle_requests(&mut self, ctx: &egui::Context, says: Vec<UiRequest>) {
-        for say in says {
-            match say {
+    fn handle_requests(&mut self, ctx: &egui::Context, requests: Vec<UiRequest>) {
+        for request in requests {
+            match request {
                 UiRequest::Command(command) => self.document.run(command),
                 UiRequest::Action(action) => self.act(ctx, action),
                 UiRequest::OpenFile(path) => self.open(vec![path]),
@@ -565,19 +565,19 @@ impl App {
                 }
                 UiRequest::Bake(false) => self.document.remove_maps(),
                 UiRequest::Difference(view) => self.document.want_difference(*view),
-                UiRequest::KeyframeSelection(desk) => self.pictures.stage.keyframes = desk,
+                UiRequest::KeyframeSelection(selection) => self.pictures.stage.keyframes = selection,
             }
         }
     }
 
     fn main_view(&mut self, ui: &mut Ui) {
-        let mut says = Vec::new();
+        let mut requests = Vec::new();
         let detail = egui::CentralPanel::default().frame(egui::Frame::NONE).show(ui, |ui| {
-            self.notices(ui, &mut says);
+            self.notices(ui, &mut requests);
             if self.document.original().is_some() {
-                self.pictures.show(ui, &self.document, &mut says)
+                self.pictures.show(ui, &self.document, &mut requests)
             } else {
-                start_page(ui, &self.document, &self.facts, &mut says);
+                start_page(ui, &self.document, &self.facts, &mut requests);
                 None
             }
         });
@@ -585,7 +585,7 @@ impl App {
         if let Some(factor) = detail.inner {
             self.scale_target(factor);
         }
-        self.handle_requests(ui.ctx(), says);
+        self.handle_requests(ui.ctx(), requests);
     }
 
     /// Shows the hint for the first minute, until it is closed or a result was made; it never comes back.
@@ -602,7 +602,7 @@ impl App {
     }
 
     /// Bar above the pictures: errors, and files changed on disk.
-    fn notices(&mut self, ui: &mut Ui, says: &mut Vec<UiRequest>) {
+    fn notices(&mut self, ui: &mut Ui, requests: &mut Vec<UiRequest>) {
         let p = theme::palette(ui);
         let bar = |ui: &mut Ui, color, add: &mut dyn FnMut(&mut Ui)| {
             let frame = egui::Frame::NONE.fill(p.raised).inner_margin(egui::Margin::symmetric(12, 6));
@@ -626,7 +626,7 @@ impl App {
         if let Some(path) = self.document.changed.clone() {
             bar(ui, p.warning, &mut |ui| {
                 if widgets::primary(ui, "Reload").clicked() {
-                    says.push(UiRequest::Action(Action::Reload));
+                    requests.push(UiRequest::Action(Action::Reload));
                 }
                 is_seen = ui.button("Keep").clicked();
                 ui.label(format!("{} changed on disk", panel::files::name(&path)));
@@ -656,7 +656,7 @@ impl App {
         }
     }
 
-    /// Keeps the clock of a file that is being read running, and leaves the processor to its reader otherwise.
+    /// Updates the elapsed time while a file is read, with few frames, so that the reader has the processor.
     fn follow_loading(&mut self, ctx: &egui::Context) {
         let is_loading = self.document.opening().is_some();
         let is_software = self.document.context().is_some_and(Context::is_software);
@@ -666,7 +666,7 @@ impl App {
         }
     }
 
-    /// Takes over the CPU time of a frame.
+    /// Records the CPU time of a frame.
     fn note_frame_time(&mut self, secs: f64) {
         self.frame_times.push_back(secs);
         if self.frame_times.len() > TIMED_FRAMES {

@@ -131,7 +131,7 @@ impl Command {
                 if *which < settings.files.len() {
                     settings.files.remove(*which);
                 }
-                // The one after a shown file takes its place, else the one before it.
+                // The next file takes the place of a closed one, else the previous file.
                 if *which == settings.shown {
                     Self::Show(*which).apply(settings);
                 } else if *which < settings.shown {
@@ -225,7 +225,7 @@ impl History {
 
     fn swap(from: &mut Vec<UndoStep>, to: &mut Vec<UndoStep>, settings: &mut Settings) -> bool {
         let Some(mut step) = from.pop() else { return false };
-        // Playback goes on: only playback steps change the time.
+        // The time is kept: only playback steps change it.
         let was = &mut step.settings;
         if step.name != PLAYBACK_NAME && was.file() == settings.file() {
             was.playback.seconds = settings.playback.seconds;
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn what_plays_goes_on_when_something_else_is_taken_back() {
+    fn playback_continues_when_another_step_is_undone() {
         let (mut settings, mut history) = (Settings::default(), History::default());
         let at = |seconds| Playback { seconds, ..Playback::default() };
         history.run(&Command::Playback(at(1.0)), &mut settings);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_nothing_is_no_step() {
+    fn a_command_without_effect_is_no_undo_step() {
         let (mut settings, mut history) = (Settings::default(), History::default());
         history.run(&Command::Target(SimplifyTarget::Original), &mut settings);
         history.run(&Command::KeepCamera(9, None), &mut settings);

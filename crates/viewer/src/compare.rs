@@ -83,7 +83,7 @@ pub struct ComparisonView {
     pub stage: StageView,
     /// Number of triangles of the last frame still to be drawn.
     pub triangles_left: u64,
-    /// True while a smooth picture of what is at rest is still to come.
+    /// True until the antialiased picture of a scene at rest is complete.
     pub is_smoothing: bool,
     smoothings: [Smoothing; 2],
     moved: Option<Instant>,
@@ -191,9 +191,9 @@ impl ComparisonView {
 
     /// Draws the pictures in the remaining space and pushes requests of the mouse. Returns a factor for the
     /// target, if one was dragged.
-    pub fn show(&mut self, ui: &mut Ui, document: &Document, says: &mut Vec<UiRequest>) -> Option<f64> {
+    pub fn show(&mut self, ui: &mut Ui, document: &Document, requests: &mut Vec<UiRequest>) -> Option<f64> {
         if document.stage().is_some() {
-            self.stage.show(ui, document, self.gpu.as_mut(), &self.user_files, &self.pose, says);
+            self.stage.show(ui, document, self.gpu.as_mut(), &self.user_files, &self.pose, requests);
             (self.triangles, self.triangles_left) = (self.stage.triangles(), 0);
             self.is_smoothing = self.stage.is_smoothing;
             return None;
@@ -219,7 +219,7 @@ impl ComparisonView {
             let response =
                 viewport::picture_area(ui, seen, if is_difference { DIFFERENCE } else { side.picture() });
             detail = detail.or(detail_factor(&response));
-            drag_light(&response, document, says);
+            drag_light(&response, document, requests);
             let mut orbit = self.orbit(side);
             if orbit.interact(&response, rect) {
                 is_moved = true;
@@ -238,7 +238,7 @@ impl ComparisonView {
         for (slot, &(rect, seen, side)) in slots.iter().enumerate() {
             let shown = if self.is_flickering { side.other() } else { side };
             if is_difference && !self.is_flickering {
-                self.draw_difference(ui, document, rect, says);
+                self.draw_difference(ui, document, rect, requests);
                 continue;
             }
             // A picture covers all that is below it, which a software renderer need not fill.
@@ -259,7 +259,7 @@ impl ComparisonView {
                 );
                 ui.painter().rect_filled(line, 0.0, palette(ui).window);
             }
-            Sides::Wipe => wipe(ui, all, layout, says),
+            Sides::Wipe => wipe(ui, all, layout, requests),
             _ => {}
         }
         detail
@@ -411,7 +411,7 @@ impl ComparisonView {
         self.orbits = orbits;
     }
 
-    /// Does as [`ComparisonView::look_from`], the next time that the pictures are shown.
+    /// Like [`ComparisonView::look_from`], when the pictures are next shown.
     pub fn look_from_next_frame(&mut self, view: usize) {
         self.pending_view = Some(view);
     }
@@ -450,7 +450,7 @@ fn shown_look(document: &Document) -> Look {
     if look.shading == Shading::Heat {
         match document.distances() {
             Some(distances) => look.heat_range = Some(error::color_range(&look, distances.largest)),
-            // Until the distances are known.
+            // The distances are not known yet.
             None => look.shading = Shading::Smooth,
         }
     }
@@ -506,18 +506,18 @@ fn detail_factor(response: &Response) -> Option<f64> {
 }
 
 /// Moves the light by a drag with Ctrl and Shift held.
-fn drag_light(response: &Response, document: &Document, says: &mut Vec<UiRequest>) {
+fn drag_light(response: &Response, document: &Document, requests: &mut Vec<UiRequest>) {
     let is_held = response.ctx.input(|i| i.modifiers.command && i.modifiers.shift);
     let by = response.drag_delta();
     if is_held && response.dragged_by(PointerButton::Primary) && by != Vec2::ZERO {
         let mut look = document.settings().look.clone();
         look.lamp = Some(look.lamp().turned(by.x * LIGHT_DEG_PER_POINT, -by.y * LIGHT_DEG_PER_POINT));
-        says.push(UiRequest::Command(Command::Look(look)));
+        requests.push(UiRequest::Command(Command::Look(look)));
     }
 }
 
 /// Draws the draggable divider between the two sides.
-fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<UiRequest>) {
+fn wipe(ui: &Ui, all: Rect, layout: Layout, requests: &mut Vec<UiRequest>) {
     let x = all.left() + all.width() * layout.wipe.clamp(0.0, 1.0);
     let grab = Rect::from_min_max(pos2(x - 8.0, all.top()), pos2(x + 8.0, all.bottom()));
     let response = ui.interact(grab, ui.scope_id().with("wipe"), Sense::drag());
@@ -535,7 +535,7 @@ fn wipe(ui: &Ui, all: Rect, layout: Layout, says: &mut Vec<UiRequest>) {
     }
     if let Some(pointer) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         let wipe = ((pointer.x - all.left()) / all.width()).clamp(0.0, 1.0);
-        says.push(UiRequest::Command(Command::Layout(Layout { wipe, ..layout })));
+        requests.push(UiRequest::Command(Command::Layout(Layout { wipe, ..layout })));
     }
 }
 

@@ -32,7 +32,7 @@ use crate::settings::HeatOf;
 use crate::settings::simplification::Simplification;
 use crate::settings::up_axis::{self, UpAxis};
 
-/// Memory of a module in a browser in bytes: its addresses have 32 bits. A quarter is left for the runs.
+/// Memory for reading in a browser, in bytes: a WebAssembly module has 4 GB, and a quarter is left for runs.
 const BROWSER_MEMORY: u64 = 3 << 30;
 
 /// A file that was read, with its counts.
@@ -72,7 +72,7 @@ impl Original {
         Self::read_watched(path, assets, SharedProgress::default())
     }
 
-    /// Reads a file, and tells another thread how far it is.
+    /// Reads a file, and shares its progress with another thread.
     ///
     /// # Errors
     /// As [`Original::read`].
@@ -119,7 +119,8 @@ impl Original {
         }
     }
 
-    /// Returns which edges of this file and its results are sharp, decided: [`Creases::Auto`] is what its shape says.
+    /// Returns which edges of this file and its results are sharp; [`Creases::Auto`] is resolved by the shape of the
+    /// file.
     pub fn creases(&self, chosen: Creases) -> Creases {
         match chosen {
             Creases::Auto => self.auto_crease_deg.map_or(Creases::Off, Creases::Above),
@@ -179,8 +180,8 @@ impl PreparedMeshes {
         if let Some(prepared) = slot.get() {
             return prepared.as_ref();
         }
-        // Not within the slot: preparing is parallel work, and a thread that waits for it may do other work meanwhile
-        // that asks for the same mesh.
+        // Not in the initialiser: preparing is parallel work, and a waiting thread may take up other work that needs
+        // the same mesh.
         let prepared = Prepared::new(&model.meshes[mesh].mesh.surface()).ok();
         slot.get_or_init(|| prepared).as_ref()
     }
@@ -351,7 +352,7 @@ pub(crate) fn level_ratios(faces: usize) -> Vec<f64> {
     AUTO_LEVEL_RATIOS.into_iter().filter(|r| *r > fewest).collect()
 }
 
-/// Returns a job of the window or the page.
+/// Returns a job with the memory limit of the window or the page.
 pub(crate) fn job(watch: &mut dyn Watch) -> Job<'_> {
     let memory = if cfg!(target_arch = "wasm32") { BROWSER_MEMORY } else { Job::default_memory() };
     Job::new(watch, None, memory)
@@ -652,9 +653,9 @@ mod tests {
     #[test]
     fn a_sphere_is_closed_and_in_one_part() {
         let folder = tempfile::tempdir().unwrap();
-        let anatomy = TopologySummary::of(sphere(&folder).model());
-        assert!(anatomy.is_closed);
-        assert_eq!((anatomy.components, anatomy.border_edges, anatomy.non_manifold_edges), (1, 0, 0));
+        let topology = TopologySummary::of(sphere(&folder).model());
+        assert!(topology.is_closed);
+        assert_eq!((topology.components, topology.border_edges, topology.non_manifold_edges), (1, 0, 0));
     }
 
     /// All threads of the pool ask for a mesh while this one prepares it, which is parallel work: neither may wait for

@@ -338,16 +338,16 @@ impl Document {
     }
 
     /// Sets which further results are needed: distances, and topology counts.
-    pub fn set_wanted_results(&mut self, distances: bool, anatomy: bool) {
+    pub fn set_wanted_results(&mut self, distances: bool, topology: bool) {
         let before = (self.wants_distances, self.wants_topology);
-        (self.wants_distances, self.wants_topology) = (distances, anatomy);
-        if before != (distances, anatomy) {
+        (self.wants_distances, self.wants_topology) = (distances, topology);
+        if before != (distances, topology) {
             self.sync();
         }
     }
 
-    /// Runs a command. If it needs another file, it runs once that was read. If reading fails, the next of several files
-    /// is shown instead; if none can be read, nothing changes.
+    /// Runs a command. A command that needs another file runs after the file was read. If reading fails, the next of
+    /// several files is shown instead; if none can be read, nothing changes.
     pub fn run(&mut self, command: Command) {
         let mut after = self.settings.clone();
         command.apply(&mut after);
@@ -472,7 +472,7 @@ impl Document {
         is_new
     }
 
-    /// Works until no job is left or the time is over; returns true if none is left.
+    /// Takes results until no job is left or the time is over; returns true if none is left.
     pub fn settle(&mut self, at_most: Duration) -> bool {
         let end = Instant::now() + at_most;
         loop {
@@ -566,7 +566,7 @@ impl Document {
                 Err(Failure::Error(why)) => self.fail(why),
             },
             Outcome::Flaws { which, key, flaws } => self.flaws[which] = Some((key, flaws)),
-            Outcome::Inspected { which, key, anatomy } => self.topologies[which] = Some((key, anatomy)),
+            Outcome::Inspected { which, key, topology } => self.topologies[which] = Some((key, topology)),
             Outcome::Measured(measured) => self.measured = Some(measured),
             Outcome::Baked { before, result } => self.take_baked(before, result),
             Outcome::Difference(picture) => self.take_difference(picture),
@@ -598,7 +598,7 @@ impl Document {
         if let OpenReason::Run(command) = &then {
             self.history.seal();
             self.history.run(command, &mut self.settings);
-            // Files before it could not be read.
+            // The files before it could not be read.
             let shown = self.settings.files.iter().position(|file| *file == path);
             self.settings.shown = shown.unwrap_or(self.settings.shown);
             let shading = &mut self.settings.look.look.shading;
@@ -674,7 +674,7 @@ impl Document {
         }
         self.log.bad(why);
         if matches!(&opening.then, OpenReason::Run(command) if matches!(**command, Command::CloseFile(_))) {
-            // None of the others can be shown.
+            // No other file can be shown.
             self.history.run(&Command::Close, &mut self.settings);
             return self.sync();
         }

@@ -73,7 +73,7 @@ impl JobKind {
             Self::Export => "Writing",
             Self::Levels => "Making levels",
             Self::Benchmark => "Running benchmark",
-            Self::Preview => "Preparing the slider",
+            Self::Preview => "Making the slider instant",
             Self::Bake => "Baking",
             Self::Difference => "Comparing pictures",
             Self::Level => "Showing a level",
@@ -81,7 +81,7 @@ impl JobKind {
         }
     }
 
-    /// Returns true if a job of this kind is obsolete once a newer one of that kind comes.
+    /// Returns true if a newer job of another kind makes a job of this kind obsolete.
     pub(crate) fn is_obsoleted_by(self, newer: Self) -> bool {
         match newer {
             Self::Load => self != Self::Export,
@@ -392,7 +392,7 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
     }
 }
 
-/// Checks the watched files. The queue is unlocked meanwhile, so that a slow disk blocks nobody.
+/// Checks the watched files. The queue is not locked during the check, since a disk may be slow.
 fn check_watched_files<'a, M>(
     shared: &'a Shared,
     queue: MutexGuard<'a, Queue>,
@@ -480,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_that_breaks_down_is_told_and_others_go_on() {
+    fn a_panic_of_a_job_is_reported_and_other_jobs_continue() {
         let worker = Worker::<u32>::new(|| {});
         worker.submit(JobKind::Measure, |_| std::panic::resume_unwind(Box::new("on purpose")));
         assert!(matches!(worker.wait(TIMEOUT), Some(Message::Panicked(JobKind::Measure))));
@@ -489,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_changes_is_told() {
+    fn a_changed_file_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.off");
         std::fs::write(&path, "OFF").unwrap();

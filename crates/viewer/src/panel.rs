@@ -1,4 +1,4 @@
-//! Panels round the pictures. They read the document and push requests; none changes it.
+//! Panels around the pictures. They read the document and push requests; none changes it.
 
 pub mod bake;
 pub mod benchmark;

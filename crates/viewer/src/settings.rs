@@ -573,7 +573,7 @@ mod tests {
     }
 
     #[test]
-    fn metal_and_what_is_behind_have_a_studio_unless_something_was_chosen() {
+    fn metal_and_an_environment_background_choose_the_studio() {
         let mut look = Appearance::default();
         assert_eq!(
             [false, true].map(|m| look.surroundings(m)),
@@ -586,13 +586,13 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_that_is_none_leaves_the_model_as_it_is() {
+    fn an_invalid_rotation_is_the_identity() {
         assert_eq!(Turn([0.0; 4]).rotation(), DQuat::IDENTITY);
         assert_eq!(Turn([f64::NAN; 4]).rotation(), DQuat::IDENTITY);
     }
 
     #[test]
-    fn a_light_that_was_not_moved_is_that_of_the_rig() {
+    fn an_unmoved_light_is_the_first_light_of_the_rig() {
         for (rig, name) in Rig::ALL {
             let plain = Appearance { rig, ..Appearance::default() };
             let same = Appearance { lamp: Some(rig.lamp()), ..plain.clone() };

@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_come_move_and_go() {
+    fn copies_are_added_moved_and_deleted() {
         let moved = Placement { turn_deg: -90.0, scale: 2.0, ..Placement::at(5.0, 6.0) };
         let stage = stage_of(&[
             StageChange::Add(vec![Placement::at(0.0, 0.0), Placement::at(1.0, 0.0)]),
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_nowhere_is_no_copy() {
+    fn an_invalid_placement_is_no_copy() {
         let bad = [
             Placement { scale: 0.0, ..Placement::at(0.0, 0.0) },
             Placement { scale: -1.0, ..Placement::at(0.0, 0.0) },

@@ -119,9 +119,9 @@ fn a_mesh_far_from_the_origin_is_measured_with_maps_too() {
     assert!((after - before).abs() < 0.1 * before, "{after} {before}");
 }
 
-/// Uses only what the window calls by itself: no command follows `want`.
+/// Uses only calls that the window makes by itself: no command follows `want`.
 #[test]
-fn what_is_wanted_late_is_measured_at_once() {
+fn a_late_request_is_measured_at_once() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     document.run(Command::Target(SimplifyTarget::Faces(500)));
@@ -209,7 +209,7 @@ fn a_list_of_commands_replays_a_session() {
 }
 
 #[test]
-fn everything_is_taken_back_and_done_again() {
+fn everything_is_undone_and_redone() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     let mut seen = vec![document.settings().clone()];
@@ -271,7 +271,7 @@ fn a_file_that_cannot_be_read_changes_nothing_and_says_why() {
 }
 
 #[test]
-fn going_back_to_a_file_that_is_gone_stays_where_one_is() {
+fn undoing_to_a_deleted_file_changes_nothing() {
     let folder = folder();
     let gone = folder.path().join("sphere.ply");
     let mut document = opened(&gone);
@@ -303,7 +303,7 @@ fn the_latest_target_wins() {
 }
 
 #[test]
-fn a_target_that_cannot_be_is_told_and_the_last_result_stays() {
+fn an_invalid_target_is_reported_and_the_last_result_stays() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     document.run(Command::Target(SimplifyTarget::Faces(300)));
@@ -336,7 +336,7 @@ fn distances_and_parts_are_found_when_they_are_wanted() {
 }
 
 #[test]
-fn what_is_shown_is_what_is_written() {
+fn the_shown_mesh_is_written() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     document.run(Command::Target(SimplifyTarget::Faces(200)));
@@ -397,7 +397,7 @@ fn a_scene_keeps_its_nodes() {
 }
 
 #[test]
-fn levels_go_by_the_error_that_may_be_seen() {
+fn levels_are_selected_by_the_allowed_error() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     assert!(document.levels().is_empty());
@@ -416,7 +416,7 @@ fn levels_go_by_the_error_that_may_be_seen() {
 }
 
 #[test]
-fn writing_where_nothing_can_be_written_is_told() {
+fn a_failed_write_is_reported() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     let path = folder.path().join("no/such/folder/out.glb");

@@ -527,7 +527,7 @@ fn joints_and_morph_targets_pull_as_on_the_processor_on(mut gpu: Gpu) {
 }
 
 #[test]
-fn an_animation_goes_as_on_the_processor_before_and_after_reduction() {
+fn an_animation_looks_as_on_the_cpu_before_and_after_reduction() {
     let Some(mut gpu) = gpu() else { return };
     let original = Original::read("../../testdata/arm.glb".as_ref(), Default::default()).unwrap();
     let mut how = Simplification::default();
@@ -610,7 +610,7 @@ fn the_place_under_a_pixel_is_found() {
 }
 
 #[test]
-fn a_shader_of_a_file_colours_or_says_what_is_wrong_with_it() {
+fn a_user_shader_colours_or_reports_its_error() {
     let Some(mut gpu) = gpu() else { return };
     let scene = Scene::new("shader", shapes::icosphere(3), Shading::Smooth);
     let shader = gpu
@@ -661,7 +661,7 @@ fn a_tint_is_the_colour_of_the_surface_under_any_shading() {
 }
 
 #[test]
-fn what_lies_outside_is_left_out_and_copies_come_together() {
+fn copies_outside_the_view_are_left_out_and_the_others_share_calls() {
     let Some(mut gpu) = gpu() else { return };
     let scene = Scene::new("copies", shapes::icosphere(2), Shading::Smooth);
     let drawn = gpu.upload(&scene.model);

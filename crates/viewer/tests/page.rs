@@ -189,7 +189,7 @@ fn a_difference_picture_that_comes_too_late_is_not_kept() {
         document.want_difference(difference_view(document));
         show(document, Sides::Both);
         assert!(document.difference().is_none());
-        // Nobody looks at it now.
+        // No view shows it now.
         document.want_difference(difference_view(document));
         assert!(document.settle(TIMEOUT) && document.difference().is_none());
     }
@@ -221,7 +221,7 @@ fn the_slider_shows_levels_of_the_engine_behind_a_page() {
     assert_eq!(shown[0], shown[1]);
 }
 
-/// The worker of the slider read the first file, and is not told that another one has its name.
+/// The worker of the slider has read the first file and does not know that another file has its name.
 #[test]
 fn the_slider_follows_a_file_that_is_opened_again() {
     let folder = folder();
@@ -276,7 +276,7 @@ fn a_file_that_cannot_be_read_and_a_cancelled_run_leave_what_is_shown() {
     assert!(document.settle(TIMEOUT));
     assert!(document.problem.as_ref().is_some_and(|p| p.contains("broken.ply")), "{:?}", document.problem);
     assert_eq!(document.original().unwrap().content.faces, 5120);
-    // A worker that reads ends with the job; the next job has another one.
+    // A reading worker ends with its job; the next job gets another worker.
     let ended = *page.workers_ended.borrow();
     document.run(Command::Open(vec![folder.path().join("torus.glb")]));
     document.cancel();

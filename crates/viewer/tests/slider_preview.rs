@@ -105,7 +105,7 @@ fn every_unit_has_its_level() {
 }
 
 #[test]
-fn a_rest_makes_a_result_and_the_drag_goes_on() {
+fn a_resting_drag_gives_a_result_and_may_continue() {
     let folder = folder();
     let mut document = opened(&folder.path().join("torus.obj"));
     document.run(Command::Target(SimplifyTarget::Faces(900)));
@@ -122,7 +122,7 @@ fn a_rest_makes_a_result_and_the_drag_goes_on() {
 }
 
 #[test]
-fn the_road_is_that_of_the_method() {
+fn the_progressive_mesh_uses_the_options_of_the_method() {
     let folder = folder();
     let mut document = opened(&folder.path().join("torus.obj"));
     let mut how = Simplification::default();
@@ -136,7 +136,7 @@ fn the_road_is_that_of_the_method() {
     document.run(Command::Method(Box::new(how.clone())));
     assert!(!document.has_preview(), "that of another method");
     document.run(Command::Target(SimplifyTarget::Faces(500)));
-    assert!(!is_level(&document), "without a road the method runs");
+    assert!(!is_level(&document), "without a progressive mesh the method runs");
     assert!(document.settle(TIMEOUT));
     assert!(document.has_preview() && faces(&document) <= 500);
     document.run(Command::Target(SimplifyTarget::Faces(300)));
@@ -149,7 +149,7 @@ fn the_road_is_that_of_the_method() {
 }
 
 #[test]
-fn what_is_written_is_the_result_and_no_level() {
+fn the_exact_result_is_written_and_no_preview_level() {
     let folder = folder();
     let mut document = opened(&folder.path().join("blob.ply"));
     document.run(Command::Target(SimplifyTarget::Faces(600)));

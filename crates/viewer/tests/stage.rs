@@ -59,7 +59,7 @@ fn round() -> Motion {
 }
 
 #[test]
-fn changes_of_the_stage_replay_and_are_taken_back() {
+fn changes_of_the_stage_replay_and_are_undone() {
     let folder = folder();
     let changes = vec![
         StageChange::Show(true),
@@ -117,7 +117,7 @@ fn a_stage_has_levels_while_it_is_shown() {
     assert_eq!((levels[0].error, levels[0].faces), (0.0, 20_480));
     assert!(levels.windows(2).all(|w| w[1].faces < w[0].faces && w[1].error > w[0].error));
     assert!(document.levels().is_empty(), "the two sides show what was asked for");
-    // A model that is opened beside others leaves the stage as it is, which has no copies yet.
+    // Opening another model does not change the stage, which has no copies yet.
     document.run(Command::Open(vec![folder.path().join("torus.obj")]));
     assert!(document.settle(TIMEOUT));
     assert!(document.settings().stage.copies.is_empty());
@@ -175,7 +175,7 @@ fn an_empty_stage_is_not_written() {
 }
 
 #[test]
-fn the_moment_moves_the_copies_and_goes_round() {
+fn the_time_moves_the_copies_and_loops() {
     let folder = folder();
     let mut document = opened(&folder.path().join("sphere.ply"));
     document.play(true);
@@ -217,7 +217,7 @@ fn the_moment_moves_the_copies_and_goes_round() {
 }
 
 #[test]
-fn what_moves_on_the_stage_moves_in_its_file() {
+fn motion_of_the_stage_is_written_to_its_file() {
     let arm: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../testdata/arm.glb"].iter().collect();
     let folder = folder();
     for (k, file) in [folder.path().join("sphere.ply"), arm].iter().enumerate() {

@@ -279,9 +279,7 @@ impl ThreeMfScene<'_> {
         let mut shown = group;
         let mut indices = None;
         if let (Some(layer), Some(Group::Several(groups, entries))) = (layer, owner.groups.get(&group)) {
-            self.scene.warn(Warning::lost(
-                "triangles with several properties: one is kept, the others are dropped",
-            ));
+            self.scene.warn(Warning::lost("some triangles have several materials: only one is kept"));
             shown = groups.get(layer).copied().unwrap_or(u32::MAX);
             indices = Some(entries.iter().map(|e| e.get(layer).copied().unwrap_or(0)).collect::<Vec<u32>>());
         }

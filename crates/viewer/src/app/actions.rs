@@ -8,7 +8,7 @@ use lodsmith_render::Shading;
 
 use super::App;
 use super::dialog::Purpose;
-use super::page::aside;
+use super::page::in_background;
 use crate::command::{Command, SimplifyTarget};
 use crate::compare::Side;
 use crate::panel::keys::{Action, playback_after};
@@ -172,7 +172,7 @@ impl App {
         self.document.run(Command::Layout(Layout { sides, ..layout }));
     }
 
-    /// Links the cameras of both sides, or parts them.
+    /// Links or unlinks the cameras of both sides.
     fn link_cameras(&mut self) {
         let layout = self.document.settings().layout;
         let linked = !layout.linked;
@@ -229,7 +229,7 @@ impl App {
         let sender = self.pictures_saved.0.clone();
         let waker = ctx.clone();
         let save = move |image: std::sync::Arc<egui::ColorImage>| {
-            aside(waker, move || _ = sender.send(save_picture(&image, &folder, &stem)));
+            in_background(waker, move || _ = sender.send(save_picture(&image, &folder, &stem)));
         };
         ctx.send_viewport_cmd(egui::ViewportCommand::Screenshot(egui::ScreenshotCallback::new(save)));
         ctx.request_repaint();

@@ -111,7 +111,7 @@ impl Dialog {
         Self { purpose, kind }
     }
 
-    /// Shows the dialog if it is one in the window, and returns its state.
+    /// Draws the dialog if it is not one of the system, and returns its state.
     pub(crate) fn show(&mut self, ctx: &egui::Context) -> DialogState {
         match &mut self.kind {
             DialogBackend::System(receiver) => match receiver.try_recv() {
@@ -251,7 +251,7 @@ impl FileChooser {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::TextInput, true, "Path"));
         if std::mem::take(&mut self.is_new) {
             response.request_focus();
-            // Typing replaces the folder.
+            // The whole text is selected, so that typing replaces it.
             let all = CCursorRange::two(CCursor::default(), CCursor::new(self.text.chars().count()));
             let mut state = egui::TextEdit::load_state(ui.ctx(), response.id).unwrap_or_default();
             state.cursor.set_char_range(Some(all));
@@ -267,7 +267,7 @@ impl FileChooser {
             let word = if purpose.is_saving() { "Save" } else { "Open" };
             let word = if purpose == Purpose::ExportFolder { "Use this folder" } else { word };
             if widgets::primary(ui, word).clicked() || is_entered {
-                // A name alone is in the folder that is listed.
+                // A bare name is in the listed folder.
                 chosen = Some(self.folder.join(self.text.trim()));
             }
             if ui.button("Cancel").clicked() {

@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_library_that_is_missing_is_named_with_what_brings_it() {
+    fn a_missing_library_is_named_with_its_package() {
         let of = |text: &str| {
             missing_library(text).map(|(name, packages)| (name, packages.install_hint())).unwrap()
         };
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_is_missing_is_no_missing_display() {
+    fn a_missing_library_is_not_a_missing_display() {
         for text in ["neither WAYLAND_DISPLAY nor DISPLAY is set", "Failed to open connection to X server"] {
             assert!(matches!(DisplayError::of(text), DisplayError::Display { .. }), "{text}");
         }

@@ -9,7 +9,12 @@ use crate::panel::{self, UiRequest, WindowState};
 use crate::theme;
 
 /// Draws the start page: how to open a file, and recent files.
-pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, says: &mut Vec<UiRequest>) {
+pub(super) fn start_page(
+    ui: &mut Ui,
+    document: &Document,
+    facts: &WindowState,
+    requests: &mut Vec<UiRequest>,
+) {
     let p = theme::palette(ui);
     let room = ui.available_rect_before_wrap();
     ui.painter().rect_filled(room, 0.0, p.window);
@@ -19,7 +24,7 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
         ui.vertical_centered(|ui| {
             if let Some(path) = document.opening() {
                 ui.add_space(size.y * 0.4);
-                // Nothing that moves by itself: its frames would take the time of the reader.
+                // No spinner: its frames would take processor time from the reader.
                 ui.label(theme::weak(ui, format!("Opening {}", panel::files::name(path))));
                 if let Some((secs, stage, done)) = document.opening_progress() {
                     let size = std::fs::metadata(path).map_or(0.0, |m| m.len() as f64 / 1e6);
@@ -31,7 +36,7 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
                     ui.label(theme::weak(ui, text));
                 }
                 if ui.button("Stop").clicked() {
-                    says.push(UiRequest::Action(Action::Cancel));
+                    requests.push(UiRequest::Action(Action::Cancel));
                 }
                 return;
             }
@@ -46,10 +51,10 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
                 let big = egui::vec2(150.0, 34.0);
                 let text = egui::RichText::new("Open…").color(p.on_accent).strong();
                 if ui.add(egui::Button::new(text).fill(p.accent).min_size(big)).clicked() {
-                    says.push(UiRequest::Action(Action::Open));
+                    requests.push(UiRequest::Action(Action::Open));
                 }
                 if ui.add(egui::Button::new("Open sample").min_size(big)).clicked() {
-                    says.push(UiRequest::OpenSample);
+                    requests.push(UiRequest::OpenSample);
                 }
             });
             ui.add_space(16.0);
@@ -62,7 +67,7 @@ pub(super) fn start_page(ui: &mut Ui, document: &Document, facts: &WindowState, 
                 for file in facts.recent.iter().take(5) {
                     let link = egui::Button::new(panel::files::name(file)).frame(false);
                     if ui.add(link).on_hover_text(file.display().to_string()).clicked() {
-                        says.push(UiRequest::OpenFile(file.clone()));
+                        requests.push(UiRequest::OpenFile(file.clone()));
                     }
                 }
             }

@@ -96,8 +96,8 @@ fn is_model(path: &Path) -> bool {
     plain.extension().and_then(|e| e.to_str()).is_some_and(|e| Format::from_name(e).is_some())
 }
 
-/// Does work elsewhere than in the window if there are threads.
-pub(super) fn aside(ctx: egui::Context, work: impl FnOnce() + Send + 'static) {
+/// Does work on another thread if there are threads.
+pub(super) fn in_background(ctx: egui::Context, work: impl FnOnce() + Send + 'static) {
     let work = move || {
         work();
         ctx.request_repaint();

@@ -14,8 +14,8 @@ use crate::gpu;
 pub enum ViewError {
     /// There is no display.
     #[error(
-        "there is no display to open a window on ({reason}). On a server, `lodsmith render` renders images without one; \
-         a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
+        "there is no display to open a window on ({reason}). On a server, `lodsmith render` renders images without \
+         one; a virtual display is `xvfb-run lodsmith view` (on Debian and Ubuntu: apt install xvfb libxkbcommon-x11-0 \
          mesa-vulkan-drivers libvulkan1)"
     )]
     NoDisplay {

@@ -16,14 +16,14 @@ use crate::view::orbit::turn_matrix;
 use crate::view::viewport;
 
 impl ComparisonView {
-    /// Draws the last difference picture, and asks for that of the present view. The picture of another camera
-    /// stays until the next one is there.
+    /// Draws the last difference picture, and requests one of the present view. The picture of another camera stays
+    /// until the next one is complete.
     pub(super) fn draw_difference(
         &mut self,
         ui: &Ui,
         document: &Document,
         rect: Rect,
-        says: &mut Vec<UiRequest>,
+        requests: &mut Vec<UiRequest>,
     ) {
         let painter = ui.painter_at(rect);
         painter.rect_filled(rect, 0.0, palette(ui).window);
@@ -37,7 +37,7 @@ impl ComparisonView {
         let is_present = last.is_some_and(|picture| picture.of == view);
         let map = view.seen.look.look.color_map;
         if !is_present {
-            says.push(UiRequest::Difference(Box::new(view)));
+            requests.push(UiRequest::Difference(Box::new(view)));
         }
         let Some(last) = last else {
             viewport::caption(ui, rect, "Difference", "comparing…", false);
@@ -78,7 +78,7 @@ impl ComparisonView {
         let scale = if rests_in.is_some() { COARSE_SCALE } else { 1.0 };
         let pixels = |points: f32| (points * ui.pixels_per_point() * scale).round().max(1.0) as usize;
         let mut look = settings.look.clone();
-        // Neither is seen in a difference.
+        // A difference picture shows neither.
         (look.look.heat_range, look.look.heat_brush) = (None, None);
         let seen = DifferenceSettings {
             pose: self.pose.clone(),

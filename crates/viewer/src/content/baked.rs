@@ -13,9 +13,9 @@ pub struct BakedMaps {
     pub maps: Vec<NamedMap>,
     /// Time to bake in seconds.
     pub seconds: f64,
-    /// What is written.
+    /// The scene that is written.
     pub(crate) asset: Asset,
-    /// The meshes and materials that are new in it.
+    /// Its new meshes and materials.
     pub(crate) edit: Edit,
 }
 

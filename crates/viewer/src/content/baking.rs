@@ -17,8 +17,8 @@ use crate::content::export::own_meshes;
 use crate::job::Failure;
 use crate::settings::bake::BakeSettings;
 
-/// Bakes maps of a result from its original. The result is as a reader of the written file sees it; but if the original
-/// has no colours, which are then those of the window, the result is shown in this colour (sRGB) too.
+/// Bakes maps of a result from its original. Returns the result as a reader of the written file sees it. If the
+/// original has no colours, the window shows it in the colour `surface` (sRGB), and the result too.
 pub(crate) fn bake_result(
     original: &Original,
     shown: &Lighter,
@@ -66,8 +66,8 @@ pub(crate) fn bake_result(
     Ok(made)
 }
 
-/// Gives the mesh of a model the coordinates that its node moves it to: those of its original. A scene with single
-/// precision moves a mesh far from the origin by its node.
+/// Applies the translation of the node to the mesh of a model, which gives it the coordinates of the original. In a
+/// scene with single precision, a mesh far from the origin is moved by its node.
 fn moved_to_place(model: &mut Model) {
     let instances = model.instances(&Pose::default());
     let [instance] = &instances[..] else { return };

@@ -27,7 +27,7 @@ const PICTURES_PER_LEVEL: usize = 5;
 /// Times of a model and its levels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BenchmarkTable {
-    /// One line about file, method and adapter.
+    /// File, method and adapter in one line.
     pub title: String,
     /// The original, then the levels.
     pub rows: Vec<TableRow>,
@@ -187,7 +187,8 @@ fn title_of(original: &Original, how: &Simplification, shading: Shading, gpu: Op
     let adapter = gpu.map_or_else(|| "no adapter".to_owned(), Gpu::adapter_name);
     let ([width, height], shading) = (PICTURE_SIZE_PX, shading.name());
     format!(
-        "{file}, opened in {opened}; {words}; drawn {shading} at {width} × {height} by {adapter}, best of {PICTURES_PER_LEVEL}"
+        "{file}, opened in {opened}; {words}; drawn {shading} at {width} × {height} by {adapter}, best of \
+         {PICTURES_PER_LEVEL}"
     )
 }
 

@@ -71,7 +71,7 @@ pub struct DrawnDifference {
     pub mean: f64,
 }
 
-/// Both models prepared for drawing, as long as they are the same.
+/// Both models prepared for drawing, kept while they are unchanged.
 #[derive(Clone, Default)]
 pub(crate) struct PreparedSides {
     of: Option<(Arc<Original>, Arc<Lighter>, Pose, Creases)>,
@@ -123,7 +123,7 @@ impl DifferencePicture {
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Self>, RenderError> {
         let lock = || prepared.lock().unwrap_or_else(PoisonError::into_inner);
-        // Unlocked while they are made: that is parallel work.
+        // The lock is not held here: preparing is parallel work.
         let mut kept = lock().clone();
         let (sides, studio) = (kept.sides(&of)?, kept.studio(&of));
         *lock() = kept;

@@ -140,7 +140,7 @@ impl Export {
     }
 }
 
-/// Returns the meshes of a result that are not those of the original.
+/// Returns the meshes of a result that differ from those of the original.
 pub(crate) fn own_meshes(original: &Original, lighter: &Lighter) -> Vec<Option<TriMesh>> {
     let pairs = lighter.model.meshes.iter().zip(&original.model().meshes);
     pairs.map(|(new, old)| (!Arc::ptr_eq(&new.mesh, &old.mesh)).then(|| TriMesh::clone(&new.mesh))).collect()

@@ -50,7 +50,7 @@ impl OriginalParts {
 /// The parts of a result that differ from its original.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct LighterParts {
-    /// The meshes that are not those of the original.
+    /// The meshes that differ from those of the original.
     meshes: Vec<OwnMesh>,
     faces: usize,
     vertices: usize,
@@ -59,7 +59,7 @@ pub(crate) struct LighterParts {
     seconds: f64,
     warnings: Vec<String>,
     estimate: f64,
-    /// Its preview mesh: the meshes of all places.
+    /// All meshes of its preview mesh.
     light: Vec<OwnMesh>,
 }
 
@@ -113,7 +113,7 @@ impl LighterParts {
     }
 }
 
-/// Returns the model of an original with other meshes in their places.
+/// Returns the model of an original with some meshes replaced.
 fn with_own(original: &Original, own: Vec<OwnMesh>) -> Model {
     let mut meshes: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
     for own in own {

@@ -86,8 +86,8 @@ impl SliderPreview {
         let scene = ProgressiveScene::build(&asset.parts(&data), diagonal, &options, control)?;
         let keeps_normals = how.normals == Normals::Keep;
         let mut all: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
-        for (road, &mesh) in scene.meshes().iter().zip(&meshes) {
-            all[mesh] = Arc::new(buffers(road, keeps_normals)?);
+        for (progressive, &mesh) in scene.meshes().iter().zip(&meshes) {
+            all[mesh] = Arc::new(buffers(progressive, keeps_normals)?);
         }
         let model = original.model().with_meshes(all);
         let view = LevelView::new(model, context);
@@ -99,7 +99,7 @@ impl SliderPreview {
         self.scene.top() + 1
     }
 
-    /// Takes over the ratio of largest to RMS distance from a measured run.
+    /// Copies the ratio of largest to RMS distance from a measured run.
     pub fn learn_peak_ratio(&mut self, run: &Lighter) {
         self.peak_ratio = peak_ratio_of(run).unwrap_or(self.peak_ratio);
     }
@@ -118,8 +118,8 @@ impl SliderPreview {
         Ok(change.map(|change| self.view.apply(change, how, None)))
     }
 
-    /// Goes to the level for a target, and returns the change that shows it: of all meshes if it is to be
-    /// whole. Returns `None` if the target is not valid.
+    /// Goes to the level for a target. Returns the change that shows it, with all meshes if `is_whole`; `None` if the
+    /// target is not valid.
     ///
     /// # Errors
     /// [`MeshError`], if a level is not a valid mesh.
@@ -133,9 +133,9 @@ impl SliderPreview {
         let before: Vec<usize> = self.scene.meshes().iter().map(|r| r.level()).collect();
         let changed = self.scene.to_level(level);
         let mut meshes = Vec::new();
-        for (i, (road, changed)) in self.scene.meshes().iter().zip(changed).enumerate() {
-            if is_whole || road.level() != before[i] {
-                let (number, mesh) = (self.meshes[i], Arc::new(buffers(road, self.keeps_normals)?));
+        for (i, (progressive, changed)) in self.scene.meshes().iter().zip(changed).enumerate() {
+            if is_whole || progressive.level() != before[i] {
+                let (number, mesh) = (self.meshes[i], Arc::new(buffers(progressive, self.keeps_normals)?));
                 meshes.push(ChangedMesh { number, mesh, faces: changed.faces, wedges: changed.wedges });
             }
         }
@@ -187,7 +187,7 @@ impl LevelView {
 pub(crate) enum Preview {
     /// In this process: it goes to a level at once.
     Here(Box<SliderPreview>),
-    /// In another one, which sends the changes.
+    /// In another process, which sends the changes.
     Elsewhere { view: LevelView, peak_ratio: Option<f64> },
 }
 
@@ -199,8 +199,8 @@ pub(crate) fn peak_ratio_of(run: &Lighter) -> Option<f64> {
 }
 
 /// Returns the mesh of the present level for drawing.
-fn buffers(road: &lodsmith::Progressive, keeps_normals: bool) -> Result<TriMesh, MeshError> {
-    let mut mesh = road.fitted_buffers()?;
+fn buffers(progressive: &lodsmith::Progressive, keeps_normals: bool) -> Result<TriMesh, MeshError> {
+    let mut mesh = progressive.fitted_buffers()?;
     if !keeps_normals {
         mesh.set_normals(None)?;
     }

@@ -21,7 +21,7 @@ impl Document {
         }
     }
 
-    /// Starts the job that shades the shown models anew, if their edges are to be shaded in another way.
+    /// Starts the job that shades the shown models again, if other edges are sharp now.
     pub(super) fn shade_edges(&mut self, original: &ShownModel<Original>) {
         let Some(context) = &self.context else { return };
         let wanted = self.creases();
@@ -36,11 +36,11 @@ impl Document {
             shown.extend(result.draw.clone().map(|draw| (draw, result.content.model.clone())));
         }
         self.worker.submit(Job::Shade { shown });
-        // It is made again with drawings of its own.
+        // It is built again, with buffers of its own.
         self.drop_preview();
     }
 
-    /// Writes what was measured and found into the new drawings.
+    /// Writes heat map values and marks into the new buffers.
     pub(super) fn take_shaded(&mut self) {
         let Some(original) = &self.original else { return };
         let drawings = [original.draw.as_ref(), self.lighter.as_ref().and_then(|l| l.draw.as_ref())];

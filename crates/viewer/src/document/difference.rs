@@ -17,8 +17,8 @@ impl Document {
         self.difference.last.as_ref().filter(|d| Arc::ptr_eq(&d.of.original, original))
     }
 
-    /// Starts drawing a difference picture, unless it is there or another one is being drawn: that is shown
-    /// first, so that a moving camera gives pictures all the time.
+    /// Starts drawing a difference picture, unless it is complete. If another one is being drawn, that one is shown
+    /// first, so that pictures follow a moving camera.
     pub fn want_difference(&mut self, view: DifferenceView) {
         let is_busy = self.worker.is_busy(JobKind::Difference) || self.worker.is_busy(JobKind::Simplify);
         if is_busy || self.difference.asked.as_ref() == Some(&view) || !self.has_difference_view() {
@@ -33,7 +33,7 @@ impl Document {
         self.worker.submit(Job::Difference { view: Box::new(view), prepared });
     }
 
-    /// Keeps a difference picture, unless it came too late.
+    /// Keeps a difference picture, unless another one was requested since then.
     pub(super) fn take_difference(&mut self, picture: Arc<DifferencePicture>) {
         if self.difference.asked.as_ref() == Some(&picture.of) {
             self.difference.last = Some(picture);

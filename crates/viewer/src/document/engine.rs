@@ -14,8 +14,8 @@ use crate::gpu::shown::ShownModel;
 use crate::job::{Failure, JobControl};
 use crate::settings::simplification::Simplification;
 
-/// Does the jobs of a document whose window is elsewhere. It keeps the original and what was made of it, and
-/// makes again what it does not have: the result is the same.
+/// Does the jobs of a document whose window is elsewhere. It keeps the original and its results, and computes again
+/// what it does not have; a run always gives the same result.
 #[derive(Default)]
 pub struct Engine {
     original: Option<Arc<Original>>,
@@ -83,7 +83,7 @@ impl Engine {
             Task::Level { how, peak_ratio } => self.level(&how, peak_ratio),
             task => match self.job(original.clone(), task, watch) {
                 Ok(job) => match job.run(None, watch) {
-                    Some(outcome) => self.told(outcome, &original),
+                    Some(outcome) => self.answer(outcome, &original),
                     None => Answer::Nothing,
                 },
                 Err(Failure::Cancelled) => Answer::Nothing,
@@ -93,7 +93,7 @@ impl Engine {
     }
 
     fn open(&mut self, request: &Request, watch: &mut JobControl) -> Result<(), String> {
-        // What there was is freed first.
+        // The previous models are freed first.
         *self = Self::default();
         let (path, assets): (_, AssetScope) = (request.path.clone(), request.assets.clone());
         match (Job::Open { path, assets, progress: SharedProgress::default() }).run(None, watch) {
@@ -195,9 +195,9 @@ impl Engine {
     }
 
     /// Returns the answer for the outcome of a job, and keeps what later requests need.
-    fn told(&mut self, outcome: Outcome, original: &Original) -> Answer {
+    fn answer(&mut self, outcome: Outcome, original: &Original) -> Answer {
         match outcome {
-            Outcome::Inspected { anatomy, .. } => Answer::Topology(anatomy),
+            Outcome::Inspected { topology, .. } => Answer::Topology(topology),
             Outcome::Flaws { flaws, .. } => Arc::into_inner(flaws).map_or(Answer::Nothing, Answer::Flaws),
             Outcome::Measured(measured) => {
                 Arc::into_inner(measured.distances).map_or(Answer::Nothing, Answer::Distances)
@@ -245,12 +245,12 @@ fn output_path(path: &std::path::Path) -> std::path::PathBuf {
     if !cfg!(target_arch = "wasm32") {
         return path.to_owned();
     }
-    // A typed path may begin at a root, or lead out of the folder.
+    // A typed path may start at a root, or leave the folder.
     let plain = path.components().filter(|part| matches!(part, std::path::Component::Normal(_)));
     std::path::Path::new(OUTPUTS).join(plain.collect::<std::path::PathBuf>())
 }
 
-/// Takes the files that were written out of memory. On a system with files they stay where they are.
+/// Removes the written files from memory and returns them. On a system with files they stay on disk.
 fn outputs() -> Vec<WrittenFile> {
     #[cfg(target_arch = "wasm32")]
     {

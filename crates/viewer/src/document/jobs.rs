@@ -25,7 +25,7 @@ use crate::stage::export::StageExport;
 
 /// Steps of opening a file.
 pub(crate) const READING: &str = "reading";
-pub(crate) const PREPARING: &str = "preparing pictures";
+pub(crate) const PREPARING: &str = "loading textures";
 
 /// A job for a worker.
 pub(crate) enum Job {
@@ -39,7 +39,7 @@ pub(crate) enum Job {
     Flaws { original: ShownModel<Original>, result: Option<ShownModel<Lighter>> },
     /// Measures the differences between a result and the original.
     Measure { original: ShownModel<Original>, lighter: ShownModel<Lighter>, quantity: HeatOf },
-    /// Bakes maps of a result, whose surface has this colour if its file says none.
+    /// Bakes maps of a result; its surface has this colour if its file has none.
     Bake { original: Arc<Original>, lighter: ShownModel<Lighter>, settings: BakeSettings, surface: [f32; 3] },
     /// Draws the difference of the two sides.
     Difference { view: Box<DifferenceView>, prepared: SharedSides },
@@ -74,7 +74,7 @@ pub(crate) enum Job {
 pub(crate) enum Outcome {
     Opened { path: PathBuf, result: Result<ShownModel<Original>, String> },
     Lighter { how: Simplification, result: Result<ShownModel<Lighter>, Failure> },
-    Inspected { which: usize, key: usize, anatomy: TopologySummary },
+    Inspected { which: usize, key: usize, topology: TopologySummary },
     Flaws { which: usize, key: usize, flaws: Arc<Flaws> },
     Measured(Measured),
     Baked { before: ShownModel<Lighter>, result: Result<ShownModel<Lighter>, Failure> },
@@ -121,8 +121,8 @@ impl Job {
         }
     }
 
-    /// Does the job. Models are uploaded to the GPU if there is a context. Returns `None` if it was cancelled
-    /// and nobody needs to know.
+    /// Does the job. Models are uploaded to the GPU if there is a context. Returns `None` if it was cancelled and the
+    /// document need not react.
     pub(crate) fn run(self, context: Option<&Context>, watch: &mut JobControl) -> Option<Outcome> {
         Some(match self {
             Self::Open { path, assets, progress } => {
@@ -147,7 +147,7 @@ impl Job {
             Self::Inspect { original, result } => {
                 let (which, key) = inspected(&original, result.as_ref());
                 let model = result.as_ref().map_or(original.content.model(), |r| &r.content.model);
-                Outcome::Inspected { which, key, anatomy: TopologySummary::of(model) }
+                Outcome::Inspected { which, key, topology: TopologySummary::of(model) }
             }
             Self::Flaws { original, result } => {
                 let model = result.as_ref().map_or(original.content.model(), |r| &r.content.model);
@@ -204,12 +204,12 @@ impl Job {
             Self::Shade { shown } => {
                 for (drawing, model) in shown {
                     let Some(new) = context.map(|c| preview_mesh::draw_model(c, &model)) else { continue };
-                    // Locked only now: the window draws it meanwhile.
+                    // Locked as late as possible: the window draws it until then.
                     *drawing.lock().unwrap_or_else(PoisonError::into_inner) = new;
                 }
                 Outcome::Shaded
             }
-            // Whoever holds the progressive mesh answers.
+            // The owner of the progressive mesh answers.
             Self::Level { .. } => return None,
         })
     }

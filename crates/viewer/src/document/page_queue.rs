@@ -32,13 +32,13 @@ struct State {
 
 struct Running {
     job: Job,
-    /// True if its outcome is not wanted any more.
+    /// True if its outcome will be discarded.
     is_dropped: bool,
     since: Instant,
     progress: Progress,
 }
 
-/// Time after which a job that is not wanted any more is ended with its worker, instead of waiting for it: a
+/// Time after which a discarded job is ended together with its worker. Before that the queue waits for it, since a
 /// new worker has to read the file again. Guessed.
 const PATIENCE: Duration = Duration::from_millis(1500);
 
@@ -55,7 +55,7 @@ impl PageQueue {
         let mut state = self.state.borrow_mut();
         state.waiting.retain(|old| !old.kind().is_obsoleted_by(kind));
         if let Some(running) = state.running.as_mut().filter(|r| r.job.kind().is_obsoleted_by(kind)) {
-            // The changes of levels follow each other.
+            // Each change of level builds on the one before.
             running.is_dropped |= kind != JobKind::Level;
         }
         state.waiting.push(job);
@@ -130,7 +130,7 @@ impl PageQueue {
                 }
                 WorkerMessage::Answer(bytes) => {
                     let Some(running) = state.running.take() else { continue };
-                    // The changes of levels follow each other, so none is left out.
+                    // Each change of level builds on the one before, so none is left out.
                     if !running.is_dropped || running.job.kind() == JobKind::Level {
                         let kind = running.job.kind();
                         let save = |path: &Path, files| self.save(path, files);

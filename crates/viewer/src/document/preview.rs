@@ -111,7 +111,7 @@ impl Document {
         self.learn_peak_ratio();
     }
 
-    /// Takes over the ratio of largest to RMS distance from the latest run, if it was measured.
+    /// Copies the ratio of largest to RMS distance from the latest run, if it was measured.
     pub(super) fn learn_peak_ratio(&mut self) {
         let Some(lighter) = &self.lighter else { return };
         match &mut self.preview {

@@ -9,7 +9,7 @@ use super::page_queue::PageQueue;
 use crate::gpu::Context;
 use crate::job::{JobKind, Message, Progress, Worker};
 
-/// A queue of jobs that are done one after another, elsewhere than in the window.
+/// A queue of jobs that run one after another, outside the thread of the window.
 pub(super) enum JobQueue {
     /// On a thread.
     Thread { worker: Worker<Outcome>, context: Option<Context> },
@@ -30,7 +30,7 @@ impl JobQueue {
                 let context = context.clone();
                 worker.submit(job.kind(), move |watch| job.run(context.as_ref(), watch));
             }
-            // Its drawings are here.
+            // The buffers are in this process.
             Self::Page(queue) if matches!(job, Job::Shade { .. }) => queue.do_here(job),
             Self::Page(queue) => queue.submit(job),
         }
@@ -44,7 +44,7 @@ impl JobQueue {
         }
     }
 
-    /// Cancels jobs that the user does not want to go on, even if that costs what a worker holds.
+    /// Cancels jobs at the user's request, even if a worker and its models are lost.
     pub(super) fn stop(&self, kinds: &[JobKind]) {
         match self {
             Self::Thread { worker, .. } => worker.cancel(kinds),
@@ -52,7 +52,7 @@ impl JobQueue {
         }
     }
 
-    /// Ends a worker of a page, which holds the model of a file that is not open any more.
+    /// Ends a worker of a page, which holds the model of a file that is no longer open.
     pub(super) fn end_worker(&self) {
         if let Self::Page(queue) = self {
             queue.end_worker();

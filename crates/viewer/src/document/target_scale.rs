@@ -101,8 +101,8 @@ impl OriginalSize {
         slider_position(faces, self.faces as f64)
     }
 
-    /// Returns the position of the target in the settings, on a slider in this unit; `None` if nothing says where it
-    /// lies there. A target in other units lies where its result does.
+    /// Returns the position of the target in the settings, on a slider in this unit; `None` if it is unknown. A
+    /// target in another unit is at the position of its result.
     pub fn slider_position(
         &self,
         settings: &Settings,
@@ -163,8 +163,8 @@ impl OriginalSize {
         times(from, self.faces).map_or(SimplifyTarget::Original, SimplifyTarget::Faces)
     }
 
-    /// Parses a typed target. In every unit `10%` is a share and `20k` a count. A number alone is in the unit; but below
-    /// 1 it is no count, and above 100 it is no share: then it is a fraction or a number of triangles.
+    /// Parses a typed target. In every unit `10%` is a share and `20k` a count. A plain number is in the unit; but a
+    /// count below 1 is taken as a fraction, and a percentage above 100 as a number of triangles.
     pub fn typed(&self, unit: Unit, text: &str) -> Option<SimplifyTarget> {
         let text = text.trim();
         let (number, is_share) = match text.strip_suffix('%') {
@@ -202,13 +202,13 @@ fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// Multiplies by a power of ten without an error of rounding: the digits stay.
+/// Multiplies by a power of ten without rounding: the decimal digits stay.
 fn times_ten(x: f64, power: i32) -> f64 {
     format!("{x}e{power}").parse().unwrap_or(x)
 }
 
-/// Formats the target of the settings in a unit; `None` if nothing says what it is there. A target in other units is
-/// what its result is.
+/// Formats the target of the settings in a unit; `None` if it is unknown. A target in another unit is shown as the
+/// value of its result.
 pub fn text_of(
     settings: &Settings,
     whole: &OriginalSize,
@@ -228,7 +228,7 @@ pub fn text_of(
         Unit::Vertices if !has_target => Some(grouped(whole.vertices)),
         Unit::Vertices => stop.vertices.or(result.map(|r| r.vertices)).map(grouped),
         Unit::Percent => match stop.ratio {
-            // The digits of the command.
+            // The same digits as on the command line.
             Some(ratio) => Some(format!("{}%", times_ten(ratio, 2))),
             None => {
                 faces().map(|n| format!("{}%", significant(100.0 * n as f64 / whole.faces.max(1) as f64, 3)))
@@ -255,7 +255,7 @@ mod tests {
     const RESULT: ResultSize = ResultSize { faces: 4000, vertices: 2002, largest: Some(0.0123) };
 
     #[test]
-    fn a_place_is_that_of_its_target() {
+    fn slider_position_and_target_convert_to_each_other() {
         for (unit, _) in Unit::ALL {
             for at in [0.0, 0.3, 0.7, 0.95, 1.0] {
                 let mut settings = Settings::default();
@@ -275,7 +275,7 @@ mod tests {
         assert_eq!(text(&settings, None), ["100,000", "50,000", "100%", "0%"]);
         Command::Target(SimplifyTarget::Faces(4001)).apply(&mut settings);
         assert_eq!(text(&settings, Some(&RESULT)), ["4,001", "2,002", "4.00%", "1.23%"]);
-        // The largest distance is not known, and no other stands for it.
+        // The largest distance is not known, and no other value replaces it.
         assert_eq!(text(&settings, None), ["4,001", "", "4.00%", ""]);
         assert_eq!(WHOLE.slider_position(&settings, None, Unit::Error), None);
         Command::Target(SimplifyTarget::Error(0.0125)).apply(&mut settings);
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_typed_is_meant() {
+    fn a_typed_target_is_set() {
         assert_eq!(WHOLE.typed(Unit::Faces, "6,945"), Some(SimplifyTarget::Faces(6945)));
         assert_eq!(WHOLE.typed(Unit::Faces, "1M"), Some(SimplifyTarget::Original));
         assert_eq!(WHOLE.typed(Unit::Percent, "10 %"), Some(SimplifyTarget::Ratio(0.1)));

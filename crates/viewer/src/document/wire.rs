@@ -86,7 +86,7 @@ pub(super) enum Answer {
     Level(LevelChange),
     /// There is no result.
     Nothing,
-    /// The original is not there any more.
+    /// The original is no longer held.
     Lost(String),
 }
 
@@ -175,9 +175,9 @@ impl Job {
                 });
                 Outcome::Lighter { how, result }
             }
-            (Self::Inspect { original, result }, Answer::Topology(anatomy)) => {
+            (Self::Inspect { original, result }, Answer::Topology(topology)) => {
                 let (which, key) = inspected(&original, result.as_ref());
-                Outcome::Inspected { which, key, anatomy }
+                Outcome::Inspected { which, key, topology }
             }
             (Self::Flaws { original, result }, Answer::Flaws(flaws)) => {
                 found(&original, result.as_ref(), flaws)

@@ -135,7 +135,7 @@ impl Context {
     pub fn creases(&self) -> Creases {
         *self.creases.lock().unwrap_or_else(PoisonError::into_inner)
     }
-    /// Sets this for what is uploaded from now on, through any clone.
+    /// Sets which edges of models uploaded from now on are sharp, for all clones.
     pub fn set_creases(&self, creases: Creases) {
         *self.creases.lock().unwrap_or_else(PoisonError::into_inner) = creases;
     }

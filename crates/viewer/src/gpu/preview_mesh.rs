@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_large_model_has_a_stand_in_in_its_place() {
+    fn a_large_model_has_a_preview_mesh_at_its_position() {
         let model = Model::of_mesh(shapes::torus(900, 260));
         let light = preview_of(&model).unwrap();
         let faces = light.meshes[0].mesh.face_count();

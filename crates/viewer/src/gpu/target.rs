@@ -140,7 +140,7 @@ impl RenderTarget {
     pub fn shows(&self, frame: &Frame<'_>) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is(frame, self.size))
     }
-    /// Returns true if it shows this model or its lighter stand-in, in any view.
+    /// Returns true if it shows this model or its preview mesh, in any view.
     pub fn shows_model(&self, model: &DrawModel) -> bool {
         let is = |id: u64| self.shown.as_ref().is_some_and(|shown| shown.has(id));
         is(model.version().0) || model.preview().is_some_and(|light| is(light.version().0))

@@ -12,7 +12,6 @@ use crate::content::baked::{BakedMaps, NamedMap};
 use crate::document::log::Severity;
 use crate::job::JobKind;
 use crate::numbers::seconds;
-use crate::settings::simplification::named;
 
 /// The maps of a material with their names and descriptions.
 const MAPS: [(MapKind, &str, &str); 5] = [
@@ -24,7 +23,7 @@ const MAPS: [(MapKind, &str, &str); 5] = [
 ];
 
 const SIZES: [(Option<usize>, &str); 6] = [
-    (None, "by the detail"),
+    (None, "Automatic"),
     (Some(256), "256"),
     (Some(512), "512"),
     (Some(1024), "1024"),
@@ -49,9 +48,8 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     widgets::choose(ui, "Size", "Width and height of the maps in texels", &SIZES, &mut bake.size);
-    let tip =
-        "keep: the texture coordinates of the result, where they do not overlap; new: an atlas of its own";
-    widgets::choose(ui, "Atlas", tip, &named(AtlasMode::ALL, AtlasMode::name), &mut bake.atlas);
+    let tip = "Keep: the texture coordinates of the result, where they do not overlap; New: a new atlas";
+    widgets::choose(ui, "UVs", tip, &[(AtlasMode::Keep, "Keep"), (AtlasMode::New, "New")], &mut bake.atlas);
     if bake != *before {
         scope.command(Command::Bake(bake));
     }

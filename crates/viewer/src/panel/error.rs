@@ -146,7 +146,7 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     brush(scope, &response, distances, &bar_at);
     match brushed {
         Some(bars) => ui.label(weak(ui, interval(bars.start, bars.end - 1)).small()),
-        None => ui.label(weak(ui, "Drag here to show where values are on the surface").small()),
+        None => ui.label(weak(ui, "Drag to highlight a range on the model").small()),
     };
     if let Some(pointer) = response.hover_pos().filter(|_| !response.dragged()) {
         let i = bar_at(pointer.x);

@@ -65,7 +65,7 @@ impl ExportForm {
         }
     }
 
-    /// Takes over the file or folder that was chosen.
+    /// Sets the chosen file or folder.
     pub fn chosen(&mut self, path: &Path) {
         if self.is_all_levels {
             self.folder = path.display().to_string();
@@ -103,7 +103,7 @@ impl ExportForm {
         }
     }
 
-    /// Returns about how many bytes the export has.
+    /// Returns the approximate size of the export in bytes.
     fn estimate(&self, document: &Document) -> Option<f64> {
         let original = &document.original()?.content;
         let lighter = document.lighter().map(|l| &*l.content);
@@ -111,7 +111,7 @@ impl ExportForm {
         if !self.is_all_levels {
             return Some(shown);
         }
-        // A level has its share of the bytes of the whole.
+        // The size of a level is proportional to its triangles.
         let whole = estimated_bytes(original, None, self.format, self.is_ascii);
         Some(self.ratios()?.iter().map(|ratio| whole * ratio).sum())
     }

@@ -219,7 +219,7 @@ pub const BINDINGS: &[Binding] = &[
     bind(Group::File, CTRL, Key::Q, Action::Quit, "Quit"),
     bind(Group::Detail, CTRL, Key::Z, Action::Undo, "Undo"),
     bind(Group::Detail, CTRL, Key::Y, Action::Redo, "Redo"),
-    bind(Group::Detail, NONE, Key::R, Action::Restore, "Restore original"),
+    bind(Group::Detail, NONE, Key::R, Action::Restore, "Back to original"),
     bind(Group::Detail, NONE, Key::Minus, Action::Fewer, "10 % fewer"),
     bind(Group::Detail, NONE, Key::Plus, Action::More, "10 % more"),
     bind(Group::Detail, NONE, Key::A, Action::AutoLod, "Auto LOD"),
@@ -414,7 +414,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_key_does_two_things_and_nothing_has_two_names() {
+    fn every_key_has_one_action_and_every_action_one_name() {
         for (i, a) in BINDINGS.iter().enumerate() {
             for b in &BINDINGS[i + 1..] {
                 assert_ne!(a.shortcut, b.shortcut, "{} and {}", a.name, b.name);

@@ -62,7 +62,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         &mut look.wireframe,
     );
     ui.add_enabled_ui(look.wireframe, |ui| {
-        widgets::field(ui, "Wire", "Colour and width of the lines", |ui| {
+        widgets::field(ui, "Lines", "Colour and width of the lines", |ui| {
             let [r, g, b, opacity] = look.wire;
             let mut rgb = [r, g, b];
             if widgets::color(ui, &mut rgb) {
@@ -148,8 +148,8 @@ fn creases(ui: &mut Ui, chosen: &mut Creases, auto: Creases) {
         Creases::Above(angle) => *angle,
         _ => CREASE_ANGLE_DEG,
     };
-    let tip = "Edges drawn sharp, as the file has no normals: those whose faces differ by more than an angle. Auto: if the \
-        original is made of surfaces that meet in sharp edges, like most CAD models. The same for the result";
+    let tip = "Edges drawn sharp, as the file has no normals: those whose faces differ by more than an angle. Auto: if \
+        the original is made of surfaces that meet in sharp edges, like most CAD models. The same for the result";
     let choices =
         [(Creases::Auto, auto.as_str()), (Creases::Off, "None"), (Creases::Above(angle), "Above an angle")];
     widgets::choose(ui, "Sharp edges", tip, &choices, chosen);
@@ -221,7 +221,8 @@ fn user_files(ui: &mut Ui, scope: &mut PanelContext<'_>, all: &mut Appearance) {
     widgets::heading(ui, "Custom");
     let tip = "Image of a lit sphere (PNG, JPEG); reloaded when it changes";
     widgets::field(ui, "Matcap", tip, |ui| file(ui, &mut all.matcap, UiRequest::ChooseMatcap, scope));
-    let tip = "WGSL file with `fn surface(at: Surface) -> vec4<f32>` that returns a linear colour; reloaded when it changes";
+    let tip = "WGSL file with `fn surface(at: Surface) -> vec4<f32>` that returns a linear colour; reloaded when \
+        it changes";
     if scope.facts.is_on_page {
         return;
     }

@@ -2,7 +2,7 @@
 
 use eframe::egui::Ui;
 use lodsmith::options::by_name;
-use lodsmith::{Change, Proposal, Report};
+use lodsmith::{Change, Proposal, Refusal, Report, StoppedBy};
 
 use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
@@ -21,11 +21,8 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     };
     let lighter = shown.content.clone();
     let Some(r) = &lighter.report else { return level(ui, scope, &lighter) };
-    let stopped = r.stopped_by.name().replace('_', " ");
-    match r.reached {
-        true => widgets::log_line(ui, Severity::Good, &format!("Target reached ({stopped})")),
-        false => widgets::log_line(ui, Severity::Warning, &format!("Target not reached ({stopped})")),
-    }
+    let severity = if r.reached { Severity::Good } else { Severity::Warning };
+    widgets::log_line(ui, severity, &end_text(r));
     widgets::value_row(ui, "Faces", format!("{} → {}", grouped(r.input_faces), grouped(r.faces)));
     widgets::value_row(ui, "Vertices", format!("{} → {}", grouped(r.input_vertices), grouped(r.vertices)));
     widgets::value_row(ui, "Remaining", percent(r.faces as f64 / r.input_faces.max(1) as f64));
@@ -55,10 +52,13 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     }
     if !r.refusals.is_empty() {
-        widgets::heading(ui, "Rejected collapses");
+        widgets::heading(ui, "Kept because of");
         for (refusal, count) in &r.refusals {
-            let name = refusal.name().replace('_', " ");
-            widgets::value_row(ui, &name, grouped(usize::try_from(*count).unwrap_or(usize::MAX)));
+            widgets::value_row(
+                ui,
+                refusal_text(*refusal),
+                grouped(usize::try_from(*count).unwrap_or(usize::MAX)),
+            );
         }
     }
     if !r.proposals.is_empty() {
@@ -70,13 +70,48 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     command(ui, scope);
 }
 
+/// Returns why the run ended.
+fn end_text(r: &Report) -> String {
+    match (r.reached, r.stopped_by) {
+        (true, StoppedBy::Faces | StoppedBy::Ratio) => format!("Reached {} faces", grouped(r.faces)),
+        (true, StoppedBy::Vertices) => format!("Reached {} vertices", grouped(r.vertices)),
+        (true, StoppedBy::Error) => "Reached the error limit".to_owned(),
+        (true, _) => "Target reached".to_owned(),
+        (false, StoppedBy::Refusals) => "Target not reached: no further collapse is allowed".to_owned(),
+        (false, StoppedBy::Exhausted) => {
+            "Target not reached: the method has nothing left to remove".to_owned()
+        }
+        (false, StoppedBy::Error) => "Target not reached: it would exceed the error limit".to_owned(),
+        (false, StoppedBy::Caller) => "Target not reached: the run was stopped".to_owned(),
+        (false, _) => "Target not reached".to_owned(),
+    }
+}
+
+/// Returns what a refusal protects.
+fn refusal_text(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::LinkCondition => "Topology",
+        Refusal::NormalFlip => "Flipped faces",
+        Refusal::Quality => "Face quality",
+        Refusal::Valence => "Edges per vertex",
+        Refusal::EdgeLength => "Edge length",
+        Refusal::Border => "Borders",
+        Refusal::NonManifold => "Non-manifold edges",
+        Refusal::Component => "Separate parts",
+        Refusal::Seam => "Texture seams",
+        Refusal::Cost => "Error limit",
+        Refusal::Locked => "Locks",
+        Refusal::Pattern => "Subdivision pattern",
+        other => other.name(),
+    }
+}
+
 /// Draws the figures of a preview level, for which there was no run.
 fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
-    let what = "Preview";
     match scope.document.is_outdated() {
-        true => widgets::log_line(ui, Severity::Note, &format!("{what}; refining…")),
-        false => widgets::log_line(ui, Severity::Warning, &format!("{what}; the exact run did not finish")),
+        true => widgets::log_line(ui, Severity::Note, "Preview. Computing the exact result…"),
+        false => widgets::log_line(ui, Severity::Warning, "Preview. The exact run did not finish"),
     }
     widgets::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
     widgets::value_row(
@@ -150,7 +185,7 @@ fn change_text(change: &Change) -> String {
     }
 }
 
-/// Makes a change; false if it is one of the model.
+/// Applies a change to the options; returns false if the model has to change instead.
 fn apply(change: Change, how: &mut Simplification) -> bool {
     how.options = change.apply(&how.options);
     change != Change::Locked

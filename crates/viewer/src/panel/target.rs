@@ -84,11 +84,11 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     }
 }
 
-/// Draws the button that restores the original.
+/// Draws the button that goes back to the original.
 fn restore(ui: &mut Ui, scope: &mut PanelContext<'_>) {
-    let tip = format!("Restore original ({})", Action::Restore.key());
+    let tip = format!("Back to original ({})", Action::Restore.key());
     let can_restore = scope.document.settings().simplify.has_target();
-    if ui.add_enabled(can_restore, egui::Button::new("Restore")).on_hover_text(tip).clicked() {
+    if ui.add_enabled(can_restore, egui::Button::new("Back to original")).on_hover_text(tip).clicked() {
         scope.action(Action::Restore);
     }
     ui.add_space(8.0);
@@ -110,9 +110,10 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         ui.add(bar.fill(palette(ui).accent));
         let stage = if progress.stage.is_empty() { String::new() } else { format!(": {}", progress.stage) };
         text(ui, format!("{}{stage}", progress.kind.title()));
-    } else if let Some(road) = document.preview_progress() {
+    } else if let Some(progress) = document.preview_progress() {
         let tip = "Building a progressive mesh; then the result follows immediately while you drag";
-        text(ui, format!("Preparing the slider: {}", percent(f64::from(road.done)))).on_hover_text(tip);
+        text(ui, format!("Making the slider instant: {}", percent(f64::from(progress.done))))
+            .on_hover_text(tip);
     }
 }
 
@@ -196,7 +197,7 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
     } else {
         p.accent
     };
-    // Where nothing says what the target is in this unit there is no knob, until the slider is pressed.
+    // If the target is unknown in this unit, there is no knob until the slider is pressed.
     if let Some(at) = at {
         let knob = pos2(x_of(at), rail.center().y);
         painter.circle(knob, 8.0, fill, egui::Stroke::new(2.0, p.panel));

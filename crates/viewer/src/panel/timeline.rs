@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_moment_can_be_typed() {
+    fn a_time_can_be_typed() {
         assert_eq!(seconds_of("1.5 s"), Some(1.5));
         assert_eq!(seconds_of(" 2s"), Some(2.0));
         assert!(["", "x", "-1", "nan", "inf"].iter().all(|t| seconds_of(t).is_none()));

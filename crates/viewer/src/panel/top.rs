@@ -65,7 +65,7 @@ fn menus(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) -> 
         item(ui, scope, Action::Undo, &named("Undo", undo), undo.is_some());
         item(ui, scope, Action::Redo, &named("Redo", redo), redo.is_some());
         ui.separator();
-        item(ui, scope, Action::Restore, "Restore original", scope.document.settings().simplify.has_target());
+        item(ui, scope, Action::Restore, "Back to original", scope.document.settings().simplify.has_target());
     });
     ui.menu_button("View", |ui| {
         let views = [0, 1, 2, 3, 4, 5, 6].map(Action::View);
@@ -207,7 +207,7 @@ fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     });
     response.response.on_hover_text("How the surface is coloured");
     let tip = format!("Draw all edges as lines ({})", Action::Wireframe.key());
-    if widgets::segment(ui, "Wire", look.look.wireframe, &tip) {
+    if widgets::segment(ui, "Wireframe", look.look.wireframe, &tip) {
         look.look.wireframe = !look.look.wireframe;
     }
     if look != settings.look {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct BakeSettings {
-    /// The maps: those of materials.
+    /// The maps; only those that materials hold.
     pub maps: Vec<MapKind>,
     /// Width and height of the maps in texels; `None` chooses them by the detail of the original.
     pub size: Option<usize>,
@@ -66,7 +66,7 @@ impl BakeSettings {
         Ok(done)
     }
 
-    /// Returns the options of the bake of a result from its original.
+    /// Returns the options for baking a result from its original.
     #[cfg(feature = "window")]
     pub(crate) fn options(&self) -> BakeOptions {
         let mut options = BakeOptions::new(self.maps.iter().copied());

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pose_is_that_of_the_moment() {
+    fn the_pose_follows_the_time() {
         let begin = Playback::default();
         for (elapsed, speed, wanted) in
             [(0.0, 1.0, 0.0), (0.5, 1.0, 0.5), (0.5, 2.0, 1.0), (2.0, 1.0, 2.0), (2.5, 1.0, 0.5)]
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn once_ends_at_the_end_and_begins_anew_when_asked_again() {
+    fn without_looping_playback_ends_and_starts_over_on_request() {
         let once = Playback { repeats: false, ..Playback::default() };
         let (then, is_over) = once.advanced(2.0, 1.9);
         assert!(!is_over);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_do_no_harm() {
+    fn invalid_numbers_do_no_harm() {
         for seconds in [f64::NAN, f64::INFINITY, -3.0, 1e300] {
             for speed in [f64::NAN, 0.0, -1.0, 1e300] {
                 let odd = Playback { seconds, speed, ..Playback::default() };

@@ -109,8 +109,7 @@ impl Session {
         }
     }
 
-    /// Reads a session, and returns it with the files that it refers to and that the scope does not allow. None of them
-    /// is read here.
+    /// Reads a session. Returns it and the files that it refers to outside the scope; none of these is read here.
     ///
     /// # Errors
     /// Each [`SessionError`] but [`SessionError::Outside`].
@@ -284,8 +283,8 @@ mod tests {
         std::fs::create_dir(&inside).unwrap();
         session(folder.path()).save(&inside.join("s.json")).unwrap();
         let open = |scope| Session::open(&inside.join("s.json"), &scope);
-        let told = open(AssetScope::Folder).unwrap_err().to_string();
-        assert!(told.contains("a.glb") && told.contains("--allow-outside"), "{told}");
+        let message = open(AssetScope::Folder).unwrap_err().to_string();
+        assert!(message.contains("a.glb") && message.contains("--allow-outside"), "{message}");
         assert!(open(AssetScope::Anywhere).is_ok());
         assert!(open(AssetScope::Root(folder.path().to_owned())).is_ok());
         // Files of the appearance are checked too.
@@ -303,22 +302,22 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_session_is_told() {
+    fn an_invalid_session_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.json");
-        let says = |text: &str| {
+        let error_of = |text: &str| {
             std::fs::write(&path, text).unwrap();
             Session::open(&path, &AssetScope::Folder).unwrap_err().to_string()
         };
-        assert!(says("{").contains("not a lodsmith session"));
-        assert!(says("{}").contains("not a lodsmith session"));
-        assert!(says(r#"{"version":99}"#).contains("newer"));
+        assert!(error_of("{").contains("not a lodsmith session"));
+        assert!(error_of("{}").contains("not a lodsmith session"));
+        assert!(error_of(r#"{"version":99}"#).contains("newer"));
         std::fs::remove_file(&path).unwrap();
         assert!(matches!(Session::open(&path, &AssetScope::Folder), Err(SessionError::Io { .. })));
     }
 
     #[test]
-    fn a_file_that_goes_on_and_on_is_refused() {
+    fn an_endless_file_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("s.json");
         std::fs::write(&path, "0123456789").unwrap();

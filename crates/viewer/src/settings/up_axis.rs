@@ -134,7 +134,7 @@ impl Areas {
         areas
     }
 
-    /// Returns a number that is larger the more the model looks as if it stood upright on this axis.
+    /// Returns how likely the model is upright on this axis; larger is more likely.
     fn standing_score(&self, axis: usize) -> f64 {
         if self.all <= 0.0 {
             return 0.0;
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_stand_on_their_base_and_face_upward() {
+    fn shapes_are_upright_on_their_base() {
         for is_closed in [false, true] {
             for format in [Format::Stl, Format::Ply, Format::Off, Format::Obj] {
                 assert_eq!(guess_of(pyramid(1, is_closed), format), UpAxis::Y, "{format:?}");

@@ -92,7 +92,8 @@ impl StageExport {
         if nodes > MAX_NODES {
             let (all, most) = (grouped(nodes), grouped(MAX_NODES));
             bail!(
-                "the stage would have {all} nodes, more than {most}: place fewer copies, or merge the parts of the model"
+                "the stage would have {all} nodes, more than {most}: place fewer copies, or merge the parts \
+                 of the model"
             );
         }
         let mut scene = Scene::clone(scene);
@@ -220,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_copy_is_written_where_it_stands() {
+    fn a_copy_is_written_at_its_position() {
         let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [4.0, 4.0, 5.0] };
         let base = ModelBase::new(&bounds, DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.0, -0.7));
         let copy = Placement { turn_deg: 130.0, scale: 2.5, ..Placement::at(-3.0, 8.0) };

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_layout_is_told_and_copies_without_a_place_are_counted() {
+    fn an_invalid_layout_is_reported_and_invalid_copies_are_counted() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         let open = |text: &str| {

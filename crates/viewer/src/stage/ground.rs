@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_on_the_ground_is_where_it_is_in_the_picture() {
+    fn a_point_of_the_ground_is_picked_where_it_is_drawn() {
         let (camera, rect) = seen();
         for place in [DVec3::ZERO, DVec3::new(3.0, 0.0, -2.0), DVec3::new(-1.5, 0.0, 2.5)] {
             let at = project(&camera, rect, place).unwrap();
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_copy_under_the_pointer_is_met() {
+    fn the_frontmost_copy_under_the_pointer_is_picked() {
         let (camera, rect) = seen();
         let model = Model::of_mesh(shapes::icosphere(3));
         let base = ModelBase::new(&Bounds { min: [-1.0; 3], max: [1.0; 3] }, DQuat::IDENTITY);

@@ -236,14 +236,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_behind_is_not_drawn() {
+    fn instances_behind_the_camera_are_not_drawn() {
         let copies = [Placement::at(0.0, 20.0), Placement::at(50.0, -5.0), Placement::at(0.0, -5.0)];
         let chosen = LevelSelector::default().choose(&copies, &base(), &LEVELS, &eye(3.0), &view(u64::MAX));
         assert_eq!(chosen.visible.iter().map(|s| s.copy).collect::<Vec<_>>(), [2]);
     }
 
     #[test]
-    fn a_level_stays_where_one_stands_at_its_border() {
+    fn a_level_does_not_alternate_at_its_switching_distance() {
         let copies = [Placement::at(0.0, 0.0)];
         let border = switch_distance(&LEVELS[2], &eye(0.0), 1.0) + 0.5 * base().length();
         let level = |chooser: &mut LevelSelector, z: f64| {
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_budget_is_kept_wherever_one_stands() {
+    fn the_budget_is_kept_from_every_position() {
         let scatter = Scatter { count: 500, footprint: base().footprint(), ..Scatter::default() };
         let copies = scatter.placements(&[]);
         let mut chooser = LevelSelector::default();

@@ -132,7 +132,7 @@ pub struct Tracks {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion(Arc<Tracks>);
 
-/// Maximum number of keyframes read from a file; so many are read quickly. (Guessed.)
+/// Maximum number of keyframes read from a file; they are read quickly. (Guessed.)
 const MAX_KEYFRAMES: usize = 200_000;
 /// Default length in seconds of a stage without animation.
 const DEFAULT_LENGTH_SECS: f64 = 10.0;
@@ -257,14 +257,14 @@ impl Tracks {
             track.and_then(|t| t.keyframe(secs))
         }
         enum Held {
-            Stand(CameraPlacement),
+            Camera(CameraPlacement),
             Placement(usize, Placement),
         }
         let held: Vec<(f64, Held)> = names
             .iter()
             .filter_map(|&(mover, secs)| {
                 let held = match mover {
-                    Mover::Camera => Held::Stand(taken(Some(&self.camera), secs)?),
+                    Mover::Camera => Held::Camera(taken(Some(&self.camera), secs)?),
                     Mover::Copy(n) => Held::Placement(n, taken(self.copies.get(&n), secs)?),
                 };
                 Some((rounded_secs(secs + by), held))
@@ -277,8 +277,8 @@ impl Tracks {
         let mut new = Vec::with_capacity(held.len());
         for (secs, held) in held {
             new.push(match held {
-                Held::Stand(stand) => {
-                    self.camera.set(secs, stand);
+                Held::Camera(placement) => {
+                    self.camera.set(secs, placement);
                     (Mover::Camera, secs)
                 }
                 Held::Placement(n, placement) => {
@@ -411,7 +411,7 @@ mod tests {
         let read = serde_json::from_str::<Motion>(odd).unwrap();
         assert_eq!((read.length_secs, read.copies.len()), (None, 1));
         assert_eq!(read.copies[&0].keyframe(1.0), Some(Placement::at(5.0, 0.0)));
-        assert_eq!(read.copies[&0].len(), 2, "before the begin is at the begin");
+        assert_eq!(read.copies[&0].len(), 2, "before the start is at the start");
     }
 
     #[test]
@@ -426,7 +426,7 @@ mod tests {
     /// Each track used to be searched among all removed copies: a layout of 15 megabytes took half a minute.
     /// A copy listed twice used to count twice.
     #[test]
-    fn very_many_copies_go_at_once_and_each_once() {
+    fn very_many_copies_are_removed_at_once_and_each_once() {
         const MANY: usize = 400_000;
         let mut tracks = Tracks::default();
         for n in (0..MANY).step_by(2) {
@@ -439,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn keyframes_move_together_and_never_before_the_begin() {
+    fn keyframes_move_together_and_never_before_the_start() {
         let mut tracks = Tracks::clone(&moving());
         let names =
             [(Mover::Copy(1), 0.5), (Mover::Copy(1), 2.0), (Mover::Camera, 1.0), (Mover::Copy(9), 1.0)];
@@ -455,7 +455,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_is_as_long_as_what_moves_on_it() {
+    fn a_stage_is_as_long_as_its_motion() {
         let empty = Tracks::default();
         assert_eq!((empty.length(0.0), empty.length(2.5)), (DEFAULT_LENGTH_SECS, 2.5));
         let tracks = Tracks { length_secs: Some(1.0), ..Tracks::clone(&moving()) };

@@ -40,7 +40,7 @@ pub struct StageView {
     status: StageStatus,
     target: Option<RenderTarget>,
     smoothing: Smoothing,
-    /// True while a smooth picture of the scene at rest is still to come.
+    /// True until the antialiased picture of a scene at rest is complete.
     pub is_smoothing: bool,
     drag: Option<CopyDrag>,
     last_moved: Option<Instant>,
@@ -90,7 +90,7 @@ const RUN_FACTOR: f64 = 4.0;
 /// `FAST_TRIANGLES` triangles.
 const COARSE_SCALE: f32 = 0.5;
 const FAST_TRIANGLES: u64 = 50_000;
-/// Triangle budget meanwhile: a software renderer takes about a fifth of a second for so many.
+/// Triangle budget while the camera moves: a software renderer draws these in about a fifth of a second.
 const MOVING_BUDGET: u64 = 100_000;
 const CAMERA_REST: Duration = Duration::from_millis(160);
 
@@ -254,7 +254,7 @@ impl StageView {
         gpu: Option<&mut Gpu>,
         own: &UserFiles,
         pose: &ModelPose,
-        says: &mut Vec<UiRequest>,
+        requests: &mut Vec<UiRequest>,
     ) {
         let rect = ui.available_rect_before_wrap();
         ui.allocate_rect(rect, Sense::hover());
@@ -275,7 +275,7 @@ impl StageView {
             self.change_orbit(|o| walk::set_height(o, height));
         }
         let shown = StageScene { document, copies, base, levels: document.stage_levels(), pose, rect };
-        self.handle_mouse(&response, &shown, says);
+        self.handle_mouse(&response, &shown, requests);
 
         let begin = Instant::now();
         let height_px = f64::from(rect.height() * ui.pixels_per_point());
@@ -337,14 +337,14 @@ impl StageView {
             self.moment = moment;
             self.last_moved = Some(Instant::now());
         }
-        let Some(stand) = motion.camera.at(moment).filter(|_| !motion.has_free_camera) else {
+        let Some(placement) = motion.camera.at(moment).filter(|_| !motion.has_free_camera) else {
             self.applied_keyframes = None;
             return;
         };
         let is_there =
             self.applied_keyframes.as_ref().is_some_and(|(m, track)| *m == moment && *track == motion.camera);
         if !is_there {
-            self.change_orbit(|orbit| stand.apply_to(orbit));
+            self.change_orbit(|orbit| placement.apply_to(orbit));
             self.applied_keyframes = Some((moment, motion.camera.clone()));
         }
     }
@@ -429,7 +429,7 @@ impl StageView {
         ground::copy_under(copies, base, pose, &self.orbit.camera(), *rect, at, model_of)
     }
 
-    fn handle_mouse(&mut self, response: &Response, shown: &StageScene<'_>, says: &mut Vec<UiRequest>) {
+    fn handle_mouse(&mut self, response: &Response, shown: &StageScene<'_>, requests: &mut Vec<UiRequest>) {
         let StageScene { document, copies, base, rect, .. } = shown;
         let (rect, secs) = (*rect, document.moment());
         let (modifiers, pressed_at) = response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
@@ -458,7 +458,7 @@ impl StageView {
             if let Some(from) = ground::on_plane(&self.orbit.camera(), rect, at, height) {
                 // Pause the animation while copies are dragged.
                 if document.is_playing() {
-                    says.push(UiRequest::Action(Action::Play));
+                    requests.push(UiRequest::Action(Action::Play));
                 }
                 self.drag = Some(CopyDrag { from, copies: self.selected(document) });
             }
@@ -471,12 +471,12 @@ impl StageView {
                 let by = to - drag.from;
                 let moved =
                     drag.copies.iter().map(|(n, c)| (*n, Placement { x: c.x + by.x, z: c.z + by.z, ..*c }));
-                says.push(change(StageChange::Move { copies: moved.collect(), secs }));
+                requests.push(change(StageChange::Move { copies: moved.collect(), secs }));
             }
         } else if dragged && is_turning && !self.selected.is_empty() {
             let (turn, factor) =
                 (f64::from(by.x) * TURN_DEG_PER_POINT, (f64::from(-by.y) / SCALE_POINTS).exp());
-            says.extend(self.change_selected(document, |c| Placement {
+            requests.extend(self.change_selected(document, |c| Placement {
                 turn_deg: c.turn_deg + turn,
                 scale: c.scale * factor,
                 ..*c
@@ -489,7 +489,7 @@ impl StageView {
         {
             if self.is_placing {
                 if let Some(place) = ground::on_ground(&self.orbit.camera(), rect, at) {
-                    says.push(change(StageChange::Add(vec![Placement::at(place.x, place.z)])));
+                    requests.push(change(StageChange::Add(vec![Placement::at(place.x, place.z)])));
                     self.select([copies.len()]);
                 }
             } else {

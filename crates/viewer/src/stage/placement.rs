@@ -24,7 +24,7 @@ fn one() -> f64 {
 /// Range of scales of a copy.
 pub const SCALE_RANGE: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// Maximum number of copies on a stage. So many take up to 10 ms of a frame. (Measured while walking.)
+/// Maximum number of copies on a stage. They take up to 10 ms of a frame. (Measured while walking.)
 pub const MAX_COPIES: usize = 20_000;
 
 impl Placement {

@@ -221,7 +221,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_numbers_scatter_in_the_same_way() {
+    fn the_same_settings_give_the_same_copies() {
         let scatter = Scatter { count: 300, ..Scatter::default() };
         let one = scatter.placements(&[]);
         assert_eq!(one, scatter.placements(&[]));
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn those_that_stand_stay_and_are_not_touched() {
+    fn existing_copies_are_kept_and_not_overlapped() {
         let standing = [Placement::at(0.0, 0.0), Placement { scale: 4.0, ..Placement::at(8.0, 1.0) }];
         let scatter = Scatter { count: 50, keeps: true, ..Scatter::default() };
         let copies = scatter.placements(&standing);
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn strange_numbers_scatter_too() {
+    fn extreme_settings_scatter_too() {
         let strange = Scatter {
             footprint: f64::NAN,
             gap: -1.0,

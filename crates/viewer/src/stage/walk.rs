@@ -63,14 +63,14 @@ mod tests {
     }
 
     #[test]
-    fn one_stands_at_the_border_and_looks_in() {
+    fn walking_starts_at_the_border_facing_the_copies() {
         let eye = walker().camera().eye;
         assert!((eye - DVec3::new(0.0, 1.7, 12.0)).length() < 1e-9, "{eye}");
         assert!(forward(&walker()).distance(DVec3::NEG_Z) < 1e-9);
     }
 
     #[test]
-    fn the_eye_stays_while_one_looks_round() {
+    fn the_eye_stays_while_the_view_turns() {
         let mut orbit = walker();
         let eye = orbit.camera().eye;
         look(&mut orbit, 0.4, 0.2);

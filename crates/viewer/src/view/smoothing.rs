@@ -10,15 +10,15 @@ const SMOOTH_SCALE: f32 = 2.0;
 /// Time for which a picture stays unchanged before it is drawn again with more samples.
 const REST: Duration = Duration::from_millis(250);
 
-/// Since when a target shows the same picture.
+/// Time since which a target shows the same picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Smoothing {
     since: Option<Instant>,
 }
 
 impl Smoothing {
-    /// Sets the size of a target for this frame: one sample for each pixel while pictures change, four at
-    /// rest. Returns true while the smooth picture is still to come.
+    /// Sets the size of a target for this frame: one sample for each pixel while pictures change, four at rest.
+    /// Returns true until the antialiased picture is complete.
     pub(crate) fn resize(
         &mut self,
         ctx: &egui::Context,

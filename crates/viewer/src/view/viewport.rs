@@ -189,7 +189,7 @@ fn first_hit(from: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, [f6
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some((t, [1.0 - u - v, u, v]))
 }
 
-/// Returns the place of a point in a picture; `None` if it is behind the eye.
+/// Projects a point into a picture; `None` if it is behind the eye.
 pub fn on_screen(camera: &Camera, point: DVec3, rect: Rect) -> Option<egui::Pos2> {
     let seen = camera.view_from_world().transform_point3(point);
     let step = camera.length_per_pixel(-seen.z, f64::from(rect.height()));

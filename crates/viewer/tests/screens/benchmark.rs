@@ -7,14 +7,14 @@ use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::content::benchmark::COLUMN_HEADINGS;
 use lodsmith_viewer::panel::Panel;
 
-use super::desk::AppHarness;
+use super::harness::AppHarness;
 
 /// Returns the text that a button copies to the clipboard.
-fn copied(desk: &mut AppHarness, button: &str) -> String {
-    desk.harness.get_by_role_and_label(Role::Button, button).click();
+fn copied(window: &mut AppHarness, button: &str) -> String {
+    window.harness.get_by_role_and_label(Role::Button, button).click();
     for _ in 0..4 {
-        desk.harness.step();
-        let commands = &desk.harness.output().platform_output.commands;
+        window.harness.step();
+        let commands = &window.harness.output().platform_output.commands;
         if let Some(OutputCommand::CopyText(text)) = commands.first() {
             return text.clone();
         }
@@ -25,14 +25,15 @@ fn copied(desk: &mut AppHarness, button: &str) -> String {
 #[test]
 fn times_of_every_level_are_measured_and_copied() {
     for is_light in [false, true] {
-        let Some(mut desk) = AppHarness::with(is_light, Some(Path::new("../../testdata/finial.ply"))) else {
+        let Some(mut window) = AppHarness::with(is_light, Some(Path::new("../../testdata/finial.ply")))
+        else {
             return;
         };
-        assert!(!desk.app().is_shown(Panel::Benchmark));
-        desk.press(Key::F10);
-        desk.harness.get_by_label("Nothing measured yet");
-        desk.press_with(Modifiers::COMMAND, Key::B);
-        let table = desk.app().document().benchmark_table().unwrap();
+        assert!(!window.app().is_shown(Panel::Benchmark));
+        window.press(Key::F10);
+        window.harness.get_by_label("Nothing measured yet");
+        window.press_with(Modifiers::COMMAND, Key::B);
+        let table = window.app().document().benchmark_table().unwrap();
         assert_eq!(table.rows.len(), 6);
         for row in &table.rows {
             let level = row.level.as_ref().unwrap();
@@ -40,9 +41,9 @@ fn times_of_every_level_are_measured_and_copied() {
             assert!(level.upload_secs.is_some_and(|s| s > 0.0) && level.frame_secs.is_some_and(|s| s > 0.0));
             assert!(level.adapter_secs.is_none_or(|s| (0.0..60.0).contains(&s)), "{level:?}");
         }
-        desk.picture(if is_light { "benchmark_light" } else { "benchmark_dark" });
-        assert_eq!(copied(&mut desk, "Copy as Markdown"), table.markdown());
-        let tsv = copied(&mut desk, "Copy as TSV");
+        window.picture(if is_light { "benchmark_light" } else { "benchmark_dark" });
+        assert_eq!(copied(&mut window, "Copy as Markdown"), table.markdown());
+        let tsv = copied(&mut window, "Copy as TSV");
         assert_eq!(tsv, table.tsv());
         assert_eq!(tsv.lines().count(), 7);
         assert!(COLUMN_HEADINGS.iter().all(|head| table.markdown().contains(head)));
@@ -50,15 +51,15 @@ fn times_of_every_level_are_measured_and_copied() {
 }
 
 #[test]
-fn measuring_stops_when_it_is_told_to() {
-    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-    desk.harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
-    desk.harness.run_steps(2);
-    assert!(desk.app().is_shown(Panel::Benchmark), "who asks wants to see");
-    desk.harness.get_by_role_and_label(Role::Button, "Stop benchmark").click();
-    desk.settle();
-    let table = desk.app().document().benchmark_table().unwrap();
+fn measuring_can_be_cancelled() {
+    let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+    window.harness.key_press_modifiers(Modifiers::COMMAND, Key::B);
+    window.harness.run_steps(2);
+    assert!(window.app().is_shown(Panel::Benchmark), "who asks wants to see");
+    window.harness.get_by_role_and_label(Role::Button, "Stop benchmark").click();
+    window.settle();
+    let table = window.app().document().benchmark_table().unwrap();
     assert!(table.rows.len() < 6, "{} rows", table.rows.len());
-    desk.harness.get_by_role_and_label(Role::Button, "Run benchmark");
-    desk.picture("benchmark_stopped");
+    window.harness.get_by_role_and_label(Role::Button, "Run benchmark");
+    window.picture("benchmark_stopped");
 }

@@ -9,18 +9,18 @@ use lodsmith_viewer::command::Command;
 use lodsmith_viewer::settings::Backdrop;
 use lodsmith_viewer::settings::up_axis::UpAxis;
 
-use super::desk::AppHarness;
+use super::harness::AppHarness;
 use super::{ORIGINAL, RESULT};
 
 /// Returns the share of a picture's width and height that is not background.
-fn filled(desk: &mut AppHarness) -> [f32; 2] {
-    let mut look = desk.app().document().settings().look.clone();
+fn filled(window: &mut AppHarness) -> [f32; 2] {
+    let mut look = window.app().document().settings().look.clone();
     look.backdrop = Backdrop::Color([0.0, 0.0, 1.0]);
-    desk.harness.state_mut().document_mut().run(Command::Look(look));
-    desk.settle();
-    desk.smooth();
-    let rect = desk.harness.get_by_label(ORIGINAL).rect();
-    let picture = desk.harness.render().unwrap();
+    window.harness.state_mut().document_mut().run(Command::Look(look));
+    window.settle();
+    window.smooth();
+    let rect = window.harness.get_by_label(ORIGINAL).rect();
+    let picture = window.harness.render().unwrap();
     let (mut min, mut max) = (egui::Vec2::INFINITY, -egui::Vec2::INFINITY);
     // The caption is above.
     for y in rect.top() as u32 + 42..rect.bottom() as u32 - 4 {
@@ -39,13 +39,13 @@ fn filled(desk: &mut AppHarness) -> [f32; 2] {
 #[test]
 fn a_model_fills_its_pane() {
     for name in ["sphere.ply", "torus.obj", "../../testdata/finial.ply"] {
-        let Some(mut desk) = AppHarness::with(false, Some(Path::new(name))) else { return };
-        let [across, along] = filled(&mut desk);
+        let Some(mut window) = AppHarness::with(false, Some(Path::new(name))) else { return };
+        let [across, along] = filled(&mut window);
         let share = across.max(along);
         assert!((0.82..=0.95).contains(&share), "{name}: {across} x {along}");
         for key in [Key::Num1, Key::Num7, Key::F] {
-            desk.press(key);
-            let [across, along] = filled(&mut desk);
+            window.press(key);
+            let [across, along] = filled(&mut window);
             assert!((0.82..=0.95).contains(&across.max(along)), "{name} {key:?}: {across} x {along}");
         }
     }
@@ -53,7 +53,7 @@ fn a_model_fills_its_pane() {
 
 /// A file with infinite vertices once opened as two empty panes.
 #[test]
-fn what_is_finite_of_a_model_is_shown_and_the_rest_is_told() {
+fn finite_parts_of_a_model_are_shown_and_the_others_reported() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("broken.ply");
     let mesh = shapes::icosphere(3);
@@ -62,15 +62,15 @@ fn what_is_finite_of_a_model_is_shown_and_the_rest_is_told() {
     let faces = mesh.triangles().iter().map(|t| t.map(|w| mesh.vertex_of(w))).collect();
     let broken = TriMesh::new(Positions::F32(positions), faces).unwrap();
     lodsmith_io::write_path(&broken, &model, &Default::default()).unwrap();
-    let Some(mut desk) = AppHarness::within(false, vec![model], folder) else { return };
-    let said = desk.app().document().problem.clone().unwrap();
+    let Some(mut window) = AppHarness::within(false, vec![model], folder) else { return };
+    let said = window.app().document().problem.clone().unwrap();
     assert!(said.starts_with("2 of 642 vertices"), "{said}");
-    desk.harness.get_by_label(&said);
-    desk.picture("infinite");
-    let [across, along] = filled(&mut desk);
+    window.harness.get_by_label(&said);
+    window.picture("infinite");
+    let [across, along] = filled(&mut window);
     assert!((0.75..=0.95).contains(&across.max(along)), "{across} x {along}");
-    desk.press(Key::Minus);
-    assert!(desk.faces().is_some_and(|n| n < 1270), "{:?}", desk.faces());
+    window.press(Key::Minus);
+    assert!(window.faces().is_some_and(|n| n < 1270), "{:?}", window.faces());
 }
 
 /// A flat plate that stands on its edge if y points up.
@@ -87,16 +87,16 @@ fn an_up_axis_is_guessed_chosen_and_remembered() {
     let folder = tempfile::tempdir().unwrap();
     let (model, memory) = (folder.path().join("plate.stl"), folder.path().join("memory.json"));
     lodsmith_io::write_path(&plate(), &model, &Default::default()).unwrap();
-    let Some(mut desk) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
-    assert_eq!(desk.app().document().up(), UpAxis::Z, "the custom of STL");
-    let lying = filled(&mut desk);
-    desk.harness.state_mut().document_mut().run(Command::Up(UpAxis::Y));
-    desk.settle();
-    let standing = filled(&mut desk);
+    let Some(mut window) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
+    assert_eq!(window.app().document().up(), UpAxis::Z, "the custom of STL");
+    let lying = filled(&mut window);
+    window.harness.state_mut().document_mut().run(Command::Up(UpAxis::Y));
+    window.settle();
+    let standing = filled(&mut window);
     assert!(standing[1] > 1.2 * lying[1], "{standing:?} {lying:?}");
-    let folder = desk.folder;
-    let Some(desk) = AppHarness::remembering(model, memory, folder) else { return };
-    assert_eq!(desk.app().document().settings().up, UpAxis::Y);
+    let folder = window.folder;
+    let Some(window) = AppHarness::remembering(model, memory, folder) else { return };
+    assert_eq!(window.app().document().settings().up, UpAxis::Y);
 }
 
 #[test]
@@ -104,69 +104,69 @@ fn a_hint_is_shown_once() {
     let folder = tempfile::tempdir().unwrap();
     let (model, memory) = (folder.path().join("ball.ply"), folder.path().join("memory.json"));
     lodsmith_io::write_path(&shapes::icosphere(3), &model, &Default::default()).unwrap();
-    let Some(mut desk) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
-    desk.picture("hint");
-    desk.click("Got it");
-    assert!(desk.harness.query_by_label("Got it").is_none());
-    let folder = desk.folder;
-    let Some(desk) = AppHarness::remembering(model, memory, folder) else { return };
-    assert!(desk.harness.query_by_label("Got it").is_none());
+    let Some(mut window) = AppHarness::remembering(model.clone(), memory.clone(), folder) else { return };
+    window.picture("hint");
+    window.click("Got it");
+    assert!(window.harness.query_by_label("Got it").is_none());
+    let folder = window.folder;
+    let Some(window) = AppHarness::remembering(model, memory, folder) else { return };
+    assert!(window.harness.query_by_label("Got it").is_none());
 }
 
 #[test]
 fn a_preset_is_one_click_and_everything_else_is_folded() {
-    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-    assert!(desk.harness.query_by_role_and_label(Role::ComboBox, "Placement").is_none());
+    let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+    assert!(window.harness.query_by_role_and_label(Role::ComboBox, "Placement").is_none());
     for (name, preset) in
         [("Scan", "scan"), ("CAD", "cad"), ("Visual", "visual"), ("Print", "print"), ("Auto", "auto")]
     {
-        desk.click(name);
-        assert_eq!(desk.app().document().settings().simplify.preset.name(), preset);
+        window.click(name);
+        assert_eq!(window.app().document().settings().simplify.preset.name(), preset);
     }
-    desk.harness.get_by_label("Advanced").click();
-    desk.settle();
-    desk.harness.get_by_role_and_label(Role::ComboBox, "Placement");
-    desk.picture("advanced");
+    window.harness.get_by_label("Advanced").click();
+    window.settle();
+    window.harness.get_by_role_and_label(Role::ComboBox, "Placement");
+    window.picture("advanced");
 }
 
 #[test]
 fn escape_closes_a_list_and_nothing_else() {
-    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-    desk.harness.get_by_label("File").click();
-    desk.harness.run_steps(3);
-    assert!(desk.harness.query_by_label("Open recent").is_some());
-    desk.harness.key_press(Key::Escape);
-    desk.harness.run_steps(3);
-    assert!(desk.harness.query_by_label("Open recent").is_none());
+    let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+    window.harness.get_by_label("File").click();
+    window.harness.run_steps(3);
+    assert!(window.harness.query_by_label("Open recent").is_some());
+    window.harness.key_press(Key::Escape);
+    window.harness.run_steps(3);
+    assert!(window.harness.query_by_label("Open recent").is_none());
 }
 
 #[test]
 fn the_detail_is_dragged_with_either_key() {
     for modifiers in [Modifiers::ALT, Modifiers::COMMAND] {
-        let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-        let place = desk.harness.get_by_label(ORIGINAL).rect().center();
-        let before = desk.app().orbits();
-        desk.drag_with(modifiers, place, place + egui::vec2(0.0, 80.0));
-        assert!(desk.faces().is_some_and(|n| n < 15_000), "{modifiers:?}: {:?}", desk.faces());
-        assert_eq!(desk.app().orbits(), before);
+        let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+        let place = window.harness.get_by_label(ORIGINAL).rect().center();
+        let before = window.app().orbits();
+        window.drag_with(modifiers, place, place + egui::vec2(0.0, 80.0));
+        assert!(window.faces().is_some_and(|n| n < 15_000), "{modifiers:?}: {:?}", window.faces());
+        assert_eq!(window.app().orbits(), before);
     }
 }
 
 #[test]
 fn the_light_is_dragged_in_the_picture() {
-    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-    let place = desk.harness.get_by_label(ORIGINAL).rect().center();
-    let (before, pixels) = (desk.app().orbits(), desk.pixels(ORIGINAL));
-    desk.drag_with(Modifiers::COMMAND | Modifiers::SHIFT, place, place + egui::vec2(90.0, 0.0));
-    let look = desk.app().document().settings().look.clone();
+    let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+    let place = window.harness.get_by_label(ORIGINAL).rect().center();
+    let (before, pixels) = (window.app().orbits(), window.pixels(ORIGINAL));
+    window.drag_with(Modifiers::COMMAND | Modifiers::SHIFT, place, place + egui::vec2(90.0, 0.0));
+    let look = window.app().document().settings().look.clone();
     assert!(
         (look.lamp.unwrap().azimuth_deg - look.rig.lamp().azimuth_deg - 36.0).abs() < 1.0,
         "{:?}",
         look.lamp
     );
-    assert_eq!(desk.app().orbits(), before);
-    assert!(desk.pixels(ORIGINAL) != pixels);
-    desk.picture("light");
+    assert_eq!(window.app().orbits(), before);
+    assert!(window.pixels(ORIGINAL) != pixels);
+    window.picture("light");
 }
 
 #[test]
@@ -184,76 +184,76 @@ fn borders_and_defects_are_seen_counted_and_visited() {
     faces.push([a, b, third]);
     let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
     lodsmith_io::write_path(&mesh, &model, &Default::default()).unwrap();
-    let Some(mut desk) = AppHarness::within(false, vec![model], folder) else { return };
-    let red = |desk: &mut AppHarness| {
+    let Some(mut window) = AppHarness::within(false, vec![model], folder) else { return };
+    let red = |window: &mut AppHarness| {
         let marked = |p: &&[u8; 4]| p[0] > 200 && p[1] < 110 && p[2] < 90;
-        desk.pixels(ORIGINAL).iter().filter(marked).count()
+        window.pixels(ORIGINAL).iter().filter(marked).count()
     };
-    assert_eq!(red(&mut desk), 0);
-    desk.press(Key::B);
-    desk.press(Key::X);
-    let flaws = desk.app().document().flaws()[0].unwrap().clone();
+    assert_eq!(red(&mut window), 0);
+    window.press(Key::B);
+    window.press(Key::X);
+    let flaws = window.app().document().flaws()[0].unwrap().clone();
     assert!(flaws.counts[0] >= 3 && flaws.counts[1] >= 1, "{:?}", flaws.counts);
-    let before = desk.app().orbits()[0];
+    let before = window.app().orbits()[0];
     let mut most_red = 0;
     for n in 1..=flaws.places.len() {
-        desk.press_with(Modifiers::SHIFT, Key::X);
-        assert!(desk.app().orbits()[0].distance < 0.5 * before.distance);
-        desk.harness.get_by_label(&format!("{n} of {} places", flaws.places.len()));
-        desk.picture(&format!("flaw_{n}"));
-        most_red = most_red.max(red(&mut desk));
+        window.press_with(Modifiers::SHIFT, Key::X);
+        assert!(window.app().orbits()[0].distance < 0.5 * before.distance);
+        window.harness.get_by_label(&format!("{n} of {} places", flaws.places.len()));
+        window.picture(&format!("flaw_{n}"));
+        most_red = most_red.max(red(&mut window));
     }
     assert!(most_red > 100, "borders are seen: {most_red} pixels");
-    assert!(!desk.pixels(RESULT).is_empty());
+    assert!(!window.pixels(RESULT).is_empty());
 }
 
 #[test]
 fn texts_do_not_overlap() {
     for is_light in [false, true] {
         for size in [[1440.0, 900.0], [1280.0, 720.0], [900.0, 600.0]] {
-            let Some(mut desk) = AppHarness::with(is_light, Some(Path::new("torus.obj"))) else { return };
-            desk.harness.set_size(size.into());
-            desk.settle();
-            let check = |desk: &mut AppHarness, state: &str| {
-                let found = overlaps(desk);
+            let Some(mut window) = AppHarness::with(is_light, Some(Path::new("torus.obj"))) else { return };
+            window.harness.set_size(size.into());
+            window.settle();
+            let check = |window: &mut AppHarness, state: &str| {
+                let found = overlaps(window);
                 assert!(found.is_empty(), "{size:?} {state}: {found:#?}");
             };
-            check(&mut desk, "opened");
-            desk.press(Key::Minus);
-            check(&mut desk, "reduced");
-            desk.picture(&format!("text_{}_{}", size[0], if is_light { "light" } else { "dark" }));
-            desk.press(Key::B);
-            desk.press(Key::F2);
-            check(&mut desk, "borders, files");
-            desk.press(Key::A);
-            check(&mut desk, "levels");
-            desk.press(Key::H);
-            let found = overlaps_in(&desk, "Keys and mouse");
+            check(&mut window, "opened");
+            window.press(Key::Minus);
+            check(&mut window, "reduced");
+            window.picture(&format!("text_{}_{}", size[0], if is_light { "light" } else { "dark" }));
+            window.press(Key::B);
+            window.press(Key::F2);
+            check(&mut window, "borders, files");
+            window.press(Key::A);
+            check(&mut window, "levels");
+            window.press(Key::H);
+            let found = overlaps_in(&window, "Keys and mouse");
             assert!(found.is_empty(), "{size:?} help: {found:#?}");
-            desk.picture(&format!("text_help_{}_{}", size[0], if is_light { "light" } else { "dark" }));
+            window.picture(&format!("text_help_{}_{}", size[0], if is_light { "light" } else { "dark" }));
         }
     }
 }
 
 /// Returns the pairs of texts whose boxes overlap.
-fn overlaps(desk: &mut AppHarness) -> Vec<String> {
-    overlaps_of(&boxes(desk))
+fn overlaps(window: &mut AppHarness) -> Vec<String> {
+    overlaps_of(&boxes(window))
 }
 
 /// Returns the pairs among the texts after a heading: those of a dialog over the window.
-fn overlaps_in(desk: &AppHarness, heading: &str) -> Vec<String> {
-    let all = boxes(desk);
+fn overlaps_in(window: &AppHarness, heading: &str) -> Vec<String> {
+    let all = boxes(window);
     let from = all.iter().position(|b| b.0 == heading).unwrap();
     overlaps_of(&all[from..])
 }
 
 /// Returns the texts with their boxes, as far as they are within the window.
-fn boxes(desk: &AppHarness) -> Vec<(String, egui::Rect)> {
-    let screen = desk.harness.ctx.content_rect();
+fn boxes(window: &AppHarness) -> Vec<(String, egui::Rect)> {
+    let screen = window.harness.ctx.content_rect();
     let is_text = |role: Role| {
         matches!(role, Role::Label | Role::Button | Role::CheckBox | Role::TextInput | Role::ComboBox)
     };
-    let nodes = desk.harness.root().children_recursive();
+    let nodes = window.harness.root().children_recursive();
     let texts = nodes.filter(|n| is_text(n.accesskit_node().role()) && !n.accesskit_node().is_hidden());
     let named = texts.filter_map(|n| {
         let node = n.accesskit_node();
@@ -283,39 +283,39 @@ fn overlaps_of(boxes: &[(String, egui::Rect)]) -> Vec<String> {
 
 #[test]
 fn another_unit_changes_the_label_and_nothing_else() {
-    let Some(mut desk) = AppHarness::open("sphere.ply") else { return };
-    desk.write("Target", "4000");
-    desk.press(Key::Enter);
-    let before = desk.app().document().settings().clone();
-    let (faces, line) = (desk.faces().unwrap(), desk.app().command_line());
-    let text = |desk: &AppHarness| {
-        desk.harness.get_by_role_and_label(Role::TextInput, "Target").value().unwrap_or_default()
+    let Some(mut window) = AppHarness::open("sphere.ply") else { return };
+    window.write("Target", "4000");
+    window.press(Key::Enter);
+    let before = window.app().document().settings().clone();
+    let (faces, line) = (window.faces().unwrap(), window.app().command_line());
+    let text = |window: &AppHarness| {
+        window.harness.get_by_role_and_label(Role::TextInput, "Target").value().unwrap_or_default()
     };
-    assert_eq!(text(&desk), "4,000");
+    assert_eq!(text(&window), "4,000");
     // (4,000 of 20,480; vertices are counted, and the largest error was not measured.)
     for (unit, wanted) in [("Percent", "19.5%"), ("Vertices", "2,0"), ("Error", ""), ("Faces", "4,000")] {
-        desk.click(unit);
+        window.click(unit);
         assert!(
-            text(&desk).starts_with(wanted) && text(&desk).is_empty() == wanted.is_empty(),
+            text(&window).starts_with(wanted) && text(&window).is_empty() == wanted.is_empty(),
             "{}",
-            text(&desk)
+            text(&window)
         );
-        assert_eq!((desk.app().document().settings(), desk.faces()), (&before, Some(faces)), "{unit}");
-        assert_eq!(desk.app().command_line(), line);
+        assert_eq!((window.app().document().settings(), window.faces()), (&before, Some(faces)), "{unit}");
+        assert_eq!(window.app().command_line(), line);
     }
     // What is typed in another unit is understood, and the slider follows it.
-    desk.write("Target", "10%");
-    desk.press(Key::Enter);
-    assert_eq!(desk.app().document().settings().simplify.options.stop.ratio, Some(0.1));
-    assert_eq!(text(&desk), "10%");
+    window.write("Target", "10%");
+    window.press(Key::Enter);
+    assert_eq!(window.app().document().settings().simplify.options.stop.ratio, Some(0.1));
+    assert_eq!(text(&window), "10%");
     assert!(
-        desk.app().command_line().contains("--ratio 0.1 ")
-            || desk.app().command_line().ends_with("--ratio 0.1")
+        window.app().command_line().contains("--ratio 0.1 ")
+            || window.app().command_line().ends_with("--ratio 0.1")
     );
-    desk.write("Target", "2k");
-    desk.press(Key::Enter);
-    assert_eq!(desk.app().document().settings().simplify.options.stop.faces, Some(2000));
-    assert_eq!(text(&desk), "2,000");
+    window.write("Target", "2k");
+    window.press(Key::Enter);
+    assert_eq!(window.app().document().settings().simplify.options.stop.faces, Some(2000));
+    assert_eq!(text(&window), "2,000");
 }
 
 #[test]
@@ -324,17 +324,17 @@ fn a_broken_file_is_marked_and_the_next_one_is_shown() {
     let [broken, sound] = ["broken.off", "sound.ply"].map(|name| folder.path().join(name));
     std::fs::write(&broken, "").unwrap();
     lodsmith_io::write_path(&shapes::icosphere(3), &sound, &Default::default()).unwrap();
-    let Some(mut desk) = AppHarness::within(false, vec![broken, sound.clone()], folder) else { return };
-    assert_eq!(desk.app().document().original().unwrap().content.path, sound);
-    assert!(desk.app().document().problem.as_ref().is_some_and(|p| p.contains("broken.off")));
-    if !desk.app().is_shown(lodsmith_viewer::panel::Panel::Files) {
-        desk.act(lodsmith_viewer::panel::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
+    let Some(mut window) = AppHarness::within(false, vec![broken, sound.clone()], folder) else { return };
+    assert_eq!(window.app().document().original().unwrap().content.path, sound);
+    assert!(window.app().document().problem.as_ref().is_some_and(|p| p.contains("broken.off")));
+    if !window.app().is_shown(lodsmith_viewer::panel::Panel::Files) {
+        window.act(lodsmith_viewer::panel::keys::Action::Panel(lodsmith_viewer::panel::Panel::Files));
     }
-    desk.harness.get_by_label("broken.off (cannot be read)");
-    desk.picture("files_broken");
-    desk.act(lodsmith_viewer::panel::keys::Action::Close);
-    assert!(desk.app().document().original().is_none(), "the other one cannot be read");
-    desk.harness.get_by_label("Drop a model here");
+    window.harness.get_by_label("broken.off (cannot be read)");
+    window.picture("files_broken");
+    window.act(lodsmith_viewer::panel::keys::Action::Close);
+    assert!(window.app().document().original().is_none(), "the other one cannot be read");
+    window.harness.get_by_label("Drop a model here");
 }
 
 #[test]
@@ -355,15 +355,15 @@ fn a_session_of_two_folders_is_opened_after_a_question() {
     lodsmith_viewer::settings::session::Session::new(settings, [pose; 2]).save(&session).unwrap();
     for answer in ["Cancel", "Open anyway"] {
         let folder = tempfile::tempdir().unwrap();
-        let Some(mut desk) = AppHarness::within(false, vec![session.clone()], folder) else { return };
-        assert!(desk.app().document().original().is_none());
-        desk.harness.get_by_label_contains("there.ply");
-        desk.picture("session_outside");
-        desk.click(answer);
-        let document = desk.app().document();
+        let Some(mut window) = AppHarness::within(false, vec![session.clone()], folder) else { return };
+        assert!(window.app().document().original().is_none());
+        window.harness.get_by_label_contains("there.ply");
+        window.picture("session_outside");
+        window.click(answer);
+        let document = window.app().document();
         assert_eq!(document.original().is_some(), answer == "Open anyway");
         assert_eq!(document.settings().files.len(), if answer == "Cancel" { 0 } else { 2 });
         assert_eq!(document.problem, None);
-        assert!(desk.harness.query_by_label_contains("there.ply").is_none() || answer != "Cancel");
+        assert!(window.harness.query_by_label_contains("there.ply").is_none() || answer != "Cancel");
     }
 }

@@ -31,8 +31,8 @@ impl App {
                 self.set_keyframes(with, names);
             }
             CopiesAction::CameraKeyframe => {
-                let stand = CameraPlacement::of_orbit(&self.pictures.stage.orbit());
-                let with = motion.with(|m| m.camera.set(secs, stand));
+                let placement = CameraPlacement::of_orbit(&self.pictures.stage.orbit());
+                let with = motion.with(|m| m.camera.set(secs, placement));
                 self.set_keyframes(with, vec![(Mover::Camera, rounded_secs(secs))]);
             }
             CopiesAction::ToKeyframe(by) => {

@@ -99,7 +99,8 @@ fn reflected(base: vec3<f32>, n: vec3<f32>, view: vec3<f32>, rough: f32, metalli
         let plain = 0.04 + (max(1.0 - roughness, 0.04) - 0.04) * grazing;
         let metal = base + (max(vec3(1.0 - roughness), base) - base) * grazing;
         let thrown = mix(vec3(plain), metal, metallic);
-        return light + (environment_matt(n) * matt * (1.0 - plain) + environment_mirrored(mirrored, roughness) * thrown) * open;
+        let diffuse = environment_matt(n) * matt * (1.0 - plain);
+        return light + (diffuse + environment_mirrored(mirrored, roughness) * thrown) * open;
     }
     let around = ambient(mix(mirrored, n, roughness));
     let rim = (max(vec3(1.0 - roughness), straight) - straight) * grazing;

@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_moment_is_where_its_place_is() {
+    fn time_and_position_on_the_ruler_convert_to_each_other() {
         let scale = TimeScale { x_range: Rangef::new(100.0, 500.0), length: 2.0 };
         for seconds in [0.0, 0.3, 1.0, 2.0] {
             assert!((scale.seconds_at(scale.x_of(seconds)) - seconds).abs() < 1e-6);
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_stand_apart_and_at_round_numbers() {
+    fn ticks_are_apart_and_at_round_numbers() {
         for (length, points, wanted) in
             [(2.0, 400.0, 0.5), (2.0, 1300.0, 0.1), (70.0, 640.0, 10.0), (0.04, 128.0, 0.02)]
         {

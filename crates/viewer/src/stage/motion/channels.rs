@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn an_animation_of_gltf_takes_the_same_way() {
+    fn an_animation_of_gltf_follows_the_same_curve() {
         for curve in [Curve::Smooth, Curve::Step] {
             let mut track = Track::default();
             track.curve = curve;
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_move_has_no_channel() {
+    fn constant_components_have_no_channel() {
         let mut track = Track::default();
         let of = ChannelNodes { node: 0, tilted: None, is_scaled: true };
         assert!(of.channels_of(&track).is_empty());

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn it_passes_its_keyframes_and_stands_before_and_after() {
+    fn a_track_passes_its_keyframes_and_is_constant_before_and_after() {
         let keys: Vec<_> = [(0.5, 1.0), (1.0, 4.0), (2.5, -3.0), (3.0, 0.0)]
             .map(|(t, x)| (t, Placement { turn_deg: 20.0 * t, scale: 1.0 + t, ..Placement::at(x, 2.0 * x) }))
             .to_vec();
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_does_not_swing_out_and_steps_stay() {
+    fn constant_segments_do_not_overshoot_and_steps_hold() {
         let places = [(0.0, 0.0), (1.0, 0.0), (2.0, 8.0), (3.0, 8.0)];
         let mut rests = track(&places.map(|(t, x)| (t, Placement::at(x, 0.0))));
         for k in 0..=300 {
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn there_is_one_keyframe_at_a_moment() {
+    fn a_track_has_one_keyframe_at_a_time() {
         let mut track = track(&[(1.0, Placement::at(1.0, 0.0)), (1.0004, Placement::at(2.0, 0.0))]);
         assert_eq!((track.len(), track.keyframe(1.0)), (1, Some(Placement::at(2.0, 0.0))));
         track.set(f64::NAN, Placement::at(3.0, 0.0));

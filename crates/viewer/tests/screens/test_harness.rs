@@ -6,7 +6,7 @@ use eframe::egui::{self, Key, Modifiers, Pos2, Role};
 use egui_kittest::kittest::Queryable;
 use lodsmith_viewer::ViewOptions;
 
-use super::desk::AppHarness;
+use super::harness::AppHarness;
 
 impl AppHarness {
     /// Opens a window that keeps its memory in a file.

@@ -51,9 +51,9 @@ impl AppHarness {
             .with_theme(if is_light { egui::Theme::Light } else { egui::Theme::Dark })
             .wgpu_setup(Context::setup())
             .build_eframe(move |cc| App::new(cc, &options).unwrap());
-        let mut desk = Self { harness, folder };
-        desk.settle();
-        Some(desk)
+        let mut window = Self { harness, folder };
+        window.settle();
+        Some(window)
     }
 
     /// Runs until all jobs are done and their results are shown.
