@@ -101,6 +101,22 @@ pub fn differences<'o>(
     OPTIONS.iter().filter(is_own).map(|option| (option, option.get(options)))
 }
 
+/// Sets the default of an option, or turns it off if it is off by default; all others stay. `preset` and `method` stay
+/// too.
+pub fn reset(option: &NamedOption, options: &mut SimplifyOptions) {
+    let base = SimplifyOptions {
+        method: options.method.kind().into(),
+        shape_normals: options.shape_normals,
+        ..SimplifyOptions::default()
+    };
+    let mut new = base.clone();
+    for (other, value) in differences(options, &base).filter(|(other, _)| other.name != option.name) {
+        // Values that options have together do not exclude each other.
+        let _ = (other.set)(&mut new, &value.unwrap_or(OptionValue::Flag(false)));
+    }
+    *options = new;
+}
+
 /// Returns the name that is most similar to a misspelt one, if any is.
 pub fn nearest<'n>(misspelt: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     let wanted = misspelt.to_ascii_lowercase().replace('_', "-");
@@ -171,6 +187,12 @@ mod tests {
             let mut again = base.clone();
             option.set(&mut again, &text.as_str().into()).expect("a text of its own");
             assert_eq!(again, options, "{}: {text}", option.name);
+            if option.name != "method" {
+                (again.seed, again.shape_normals) = (8, true);
+                reset(option, &mut again);
+                let seed = if option.name == "seed" { base.seed } else { 8 };
+                assert_eq!(again, SimplifyOptions { seed, shape_normals: true, ..base }, "{}", option.name);
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lodsmith::{Control, Length, OwnedMeshData, ProgressiveScene, Stop};
-use lodsmith_asset::AssetError;
+use lodsmith_asset::{AssetError, Normals};
 use lodsmith_core::{MeshError, Model, TriMesh};
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
@@ -12,7 +12,7 @@ use web_time::Instant;
 use crate::content::{Lighter, Original};
 use crate::gpu::Context;
 use crate::gpu::shown::{Drawing, ShownModel};
-use crate::settings::simplification::{Normals, Simplification};
+use crate::settings::simplification::Simplification;
 
 /// Largest number of triangles for a preview: with more, a jump from end to end would block the window for
 /// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a

@@ -1,46 +1,94 @@
-//! Method panel: the options of the engine.
+//! Method panel: presets, and the options of the engine's table.
 
-use std::ops::RangeInclusive;
-
-use eframe::egui::{CollapsingHeader, Ui};
-use lodsmith::options::by_name::{self, OptionKind};
-use lodsmith::{
-    AttributeWeights, BorderPolicy, Fit, Guards, Length, Measure, Method, MethodKind, Placement, Preset,
-    Remesh, RemeshPattern, SimplifyOptions, TopologyPolicy,
+use eframe::egui::{CollapsingHeader, Ui, Vec2};
+use lodsmith::options::by_name::{
+    self, NamedOption, OPTIONS, OptionError, OptionGroup, OptionKind, OptionValue,
 };
+use lodsmith::{MethodKind, Preset, SimplifyError, SimplifyOptions};
+use lodsmith_asset::Normals;
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::settings::simplification::{Normals, Simplification, named};
+use crate::settings::simplification::Simplification;
+use crate::theme::weak;
 
 /// Presets with their names and descriptions.
 const PRESETS: [(Preset, &str, &str); 5] = [
-    (Preset::Auto, "Auto", "The closest surface for the count"),
+    (Preset::Auto, "Auto", "Closest shape for this many faces"),
     (Preset::Scan, "Scan", "3D scans: ignores noisy normals, joins what rounding separated"),
     (Preset::Cad, "CAD", "Machine parts: keeps holes and parts, borders slide along themselves"),
     (Preset::Visual, "Visual", "Games and rendering: shading counts more than distance"),
     (Preset::Print, "Print", "3D printing: closed stays closed, only the shape counts"),
 ];
 
-/// Methods with their descriptions.
-const METHODS: [(MethodKind, &str); 10] = [
+/// Methods with their names and descriptions.
+const METHODS: [(MethodKind, &str, &str); 10] = [
     (
         MethodKind::Memoryless,
+        "Lodsmith (default)",
         "Costs from the current surface only, then a fit: the most accurate [Lindstrom-Turk 1998]",
     ),
-    (MethodKind::Quadric, "Accumulated plane quadrics of the original surface [Garland-Heckbert 1997]"),
-    (MethodKind::LindstromTurk, "Preserves volume and borders, as published [Lindstrom-Turk 1998]"),
-    (MethodKind::Melax, "Edge length times curvature, onto input vertices: for games [Melax 1998]"),
-    (MethodKind::ShortestEdge, "Shortest edges first, to their midpoint: evens out edge lengths"),
-    (MethodKind::Cluster, "One vertex per grid cell: the fastest, for huge meshes [Lindstrom 2000]"),
-    (MethodKind::VertexRemoval, "Removes vertices and retriangulates the holes [Schroeder et al. 1992]"),
-    (MethodKind::Planar, "Merges flat regions into few triangles, nothing else changes: for CAD and voxels"),
-    (MethodKind::Unsubdivide, "Reverses 4:1 subdivision where possible [Taubin 2001]"),
+    (
+        MethodKind::Quadric,
+        "Quadric (Garland-Heckbert)",
+        "Accumulated plane quadrics of the original surface [Garland-Heckbert 1997]",
+    ),
+    (
+        MethodKind::LindstromTurk,
+        "Lindstrom-Turk",
+        "Preserves volume and borders, as published [Lindstrom-Turk 1998]",
+    ),
+    (
+        MethodKind::Melax,
+        "Melax curvature",
+        "Edge length times curvature, onto input vertices: for games [Melax 1998]",
+    ),
+    (
+        MethodKind::ShortestEdge,
+        "Shortest edge",
+        "Shortest edges first, to their midpoint: evens out edge lengths",
+    ),
+    (
+        MethodKind::Cluster,
+        "Vertex clustering",
+        "One vertex per grid cell: the fastest, for huge meshes [Lindstrom 2000]",
+    ),
+    (
+        MethodKind::VertexRemoval,
+        "Vertex removal",
+        "Removes vertices and retriangulates the holes [Schroeder et al. 1992]",
+    ),
+    (
+        MethodKind::Planar,
+        "Planar regions",
+        "Merges flat regions into few triangles, nothing else changes: for CAD and voxels",
+    ),
+    (MethodKind::Unsubdivide, "Reverse subdivision", "Reverses 4:1 subdivision where possible [Taubin 2001]"),
     (
         MethodKind::Remesh,
+        "Remesh",
         "A new, uniform mesh on the same surface; closed if a voxel size is set [Botsch-Kobbelt 2004]",
     ),
 ];
+
+/// Options with controls of their own: the slider has the target, and this panel lists of presets and methods.
+const DRAWN_SPECIALLY: [&str; 6] = ["faces", "vertices", "ratio", "error", "preset", "method"];
+
+/// Labels of options and attributes that are clearer than their names.
+const LABELS: [(&str, &str); 9] = [
+    ("border", "Borders"),
+    ("color", "Colours"),
+    ("max-normal", "Max normal deviation"),
+    ("morph", "Morphs"),
+    ("normal", "Normals"),
+    ("per-mesh", "Target per mesh"),
+    ("sharp", "Sharp edges"),
+    ("uv", "UVs"),
+    ("weight", "Weights"),
+];
+
+/// Largest factor of a weight on its slider.
+const MAX_WEIGHT: f64 = 10.0;
 
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -54,7 +102,7 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 
 fn edit(ui: &mut Ui, how: &mut Simplification) {
     ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing = eframe::egui::Vec2::splat(4.0);
+        ui.spacing_mut().item_spacing = Vec2::splat(4.0);
         for (preset, name, text) in PRESETS {
             if widgets::segment(ui, name, how.preset == preset, text) {
                 *how = Simplification::of_preset(preset, how.options.stop);
@@ -62,10 +110,10 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
         }
     });
     let text = PRESETS.iter().find(|p| p.0 == how.preset).map_or("", |p| p.2);
-    ui.label(crate::theme::weak(ui, text).small());
+    ui.label(weak(ui, text).small());
     if *how != Simplification::of_preset(how.preset, how.options.stop) {
         ui.horizontal_wrapped(|ui| {
-            ui.label(crate::theme::weak(ui, "Options were changed under Advanced.").small());
+            ui.label(weak(ui, "Options were changed under Advanced.").small());
             if ui.small_button("Reset").on_hover_text("Use the options of the preset").clicked() {
                 *how = Simplification::of_preset(how.preset, how.options.stop);
             }
@@ -76,190 +124,171 @@ fn edit(ui: &mut Ui, how: &mut Simplification) {
 
 /// Draws all options but the preset.
 fn advanced(ui: &mut Ui, how: &mut Simplification) {
-    let o = &mut how.options;
-    let mut kind = o.method.kind();
-    let text = METHODS.iter().find(|m| m.0 == kind).map_or("", |m| m.1);
-    if widgets::choose(ui, "Method", text, &named(MethodKind::ALL, MethodKind::name), &mut kind) {
-        o.method = kind.into();
+    let mut kind = how.options.method.kind();
+    let text = METHODS.iter().find(|m| m.0 == kind).map_or("", |m| m.2);
+    if widgets::choose(ui, "Method", text, &METHODS.map(|m| (m.0, m.1)), &mut kind) {
+        how.options.method = kind.into();
     }
-    ui.label(crate::theme::weak(ui, text).small());
-    of_method(ui, &mut o.method);
-    widgets::choose(
-        ui,
-        "Placement",
-        "Position of a merged vertex; endpoint keeps a subset of the vertices",
-        &named(Placement::ALL, Placement::name),
-        &mut o.placement,
-    );
-    widgets::choose(
-        ui,
-        "Fit",
-        "Final least-squares fit to the original",
-        &named(Fit::ALL, Fit::name),
-        &mut o.fit,
-    );
-    widgets::choose(
-        ui,
-        "Borders",
-        "How to treat open borders: keep their shape, slide along them, lock them, or ignore them",
-        &named(BorderPolicy::ALL, BorderPolicy::name),
-        &mut o.border,
-    );
-    let tip = "Edges sharper than this angle, in degrees, are features; their vertices stay on them";
-    widgets::optional(ui, "Sharp edges", tip, &mut o.sharp_deg, 30.0, range("sharp"));
-    let tip = "relaxed: no new defects; preserve: no changes; free: cut handles and remove parts where that is cheapest";
-    widgets::choose(ui, "Topology", tip, &named(TopologyPolicy::ALL, TopologyPolicy::name), &mut o.topology);
+    ui.label(weak(ui, text).small());
+    rows(ui, OptionGroup::OfMethod, &mut how.options);
+    rows(ui, OptionGroup::Simplification, &mut how.options);
     widgets::choose(
         ui,
         "Normals",
         "Normals of the result: from the input, recomputed, or none",
-        &named(Normals::ALL, Normals::name),
+        &Normals::ALL.map(|normals| (normals, normals.name())),
         &mut how.normals,
     );
-
-    CollapsingHeader::new("Weights").show(ui, |ui| edit_weights(ui, &mut o.weights));
-    CollapsingHeader::new("Guards").show(ui, |ui| edit_guards(ui, &mut o.guards));
-    CollapsingHeader::new("More").show(ui, |ui| edit_more(ui, o));
-}
-
-fn edit_weights(ui: &mut Ui, w: &mut AttributeWeights) {
-    let all = [
-        ("Normals", &mut w.normal),
-        ("UVs", &mut w.uv),
-        ("Colours", &mut w.color),
-        ("Morphs", &mut w.morph),
-        ("Skin", &mut w.skin),
-        ("Other", &mut w.other),
-        ("Borders", &mut w.border),
-    ];
-    for (name, weight) in all {
-        widgets::slider(ui, name, "Multiplies the default weight; 0 ignores it", weight, 0.0..=10.0);
+    for group in folded_groups() {
+        let title = match group {
+            OptionGroup::Guards => "Guards",
+            OptionGroup::Deviation => "Deviation",
+            _ => "Other options",
+        };
+        CollapsingHeader::new(title).show(ui, |ui| rows(ui, group, &mut how.options));
     }
 }
 
-fn edit_guards(ui: &mut Ui, g: &mut Guards) {
-    widgets::optional(
-        ui,
-        "Max normal deviation",
-        "Largest rotation of a face normal in one step, in degrees",
-        &mut g.max_normal_deg,
-        30.0,
-        range("max-normal"),
-    );
-    widgets::optional(
-        ui,
-        "Quality",
-        "Minimum shape quality of a new face; 1 is equilateral",
-        &mut g.min_quality,
-        0.1,
-        range("min-quality"),
-    );
-    widgets::optional_count(ui, "Valence", "Maximum number of edges at a vertex", &mut g.max_valence, 12, 3);
-    widgets::optional_length(ui, "Edge length", "Maximum length of a new edge", &mut g.max_edge);
-}
-
-fn edit_more(ui: &mut Ui, o: &mut SimplifyOptions) {
-    widgets::optional_length(
-        ui,
-        "Weld",
-        "Merge vertices closer than this first (coincident vertices are always merged)",
-        &mut o.weld,
-    );
-    widgets::optional_length(ui, "Prune", "Remove connected parts smaller than this first", &mut o.prune);
-    let mut is_measured = o.measure == Measure::Always;
-    let tip = "Measure the result against the input in both directions; this takes a while";
-    if widgets::switch(ui, "Measure the result", None, tip, &mut is_measured) {
-        o.measure = if is_measured { Measure::Always } else { Measure::Auto };
-    }
-    let tip = "If the target cannot be reached, try progressively looser topology";
-    widgets::switch(ui, "Escalate", None, tip, &mut o.escalate);
-    let tip = "In a scene, apply the target to each mesh separately";
-    widgets::switch(ui, "Target per mesh", None, tip, &mut o.per_mesh);
-    widgets::field(ui, "Seed", "Equal seeds give equal results", |ui| {
-        ui.add(eframe::egui::DragValue::new(&mut o.seed));
-    });
-}
-
-/// Returns the range of an option's values for a control, in steps of 1 beside ends that are not in it.
-fn range(name: &str) -> RangeInclusive<f64> {
-    match by_name::find(name).map(|option| option.kind) {
-        Some(OptionKind::Degrees(range) | OptionKind::Number(range)) => {
-            let step = |is_in: bool| if is_in { 0.0 } else { 1.0 };
-            range.least + step(range.has_least)..=range.most - step(range.has_most)
+/// Returns the groups of the table that are folded, in its order.
+fn folded_groups() -> Vec<OptionGroup> {
+    let mut groups = Vec::new();
+    for group in OPTIONS.iter().map(|option| option.group) {
+        let is_open =
+            matches!(group, OptionGroup::Target | OptionGroup::Simplification | OptionGroup::OfMethod);
+        if !is_open && !groups.contains(&group) {
+            groups.push(group);
         }
-        _ => 0.0..=f64::INFINITY,
+    }
+    groups
+}
+
+/// Draws the options of a group that the method has.
+fn rows(ui: &mut Ui, group: OptionGroup, options: &mut SimplifyOptions) {
+    let method = options.method.kind();
+    let has = |option: &&NamedOption| option.methods.is_empty() || option.methods.contains(&method);
+    for option in OPTIONS.iter().filter(|option| option.group == group).filter(has) {
+        if !DRAWN_SPECIALLY.contains(&option.name) {
+            row(ui, option, options);
+        }
     }
 }
 
-/// Draws the options that only this method has.
-fn of_method(ui: &mut Ui, method: &mut Method) {
-    let angle = |ui: &mut Ui, angle: &mut Option<f64>, tip: &str, first: f64| {
-        widgets::optional(ui, "Angle", tip, angle, first, range("angle"));
+/// Draws the control of an option by the kind of its values.
+fn row(ui: &mut Ui, option: &NamedOption, options: &mut SimplifyOptions) {
+    let name = label(option.name);
+    let now = option.get(options);
+    let new = match option.kind {
+        OptionKind::Flag => {
+            let mut is_on = now.is_some();
+            widgets::switch(ui, &name, None, option.help, &mut is_on)
+                .then_some(Some(OptionValue::Flag(is_on)))
+        }
+        OptionKind::Word(words) => {
+            let text = now.map(|value| value.text());
+            let mut chosen = words.iter().copied().find(|word| Some(*word) == text.as_deref());
+            let unset = option.default_text().is_none().then_some((None::<&str>, "default"));
+            let choices: Vec<_> =
+                unset.into_iter().chain(words.iter().map(|word| (Some(*word), *word))).collect();
+            let is_changed = widgets::choose(ui, &name, option.help, &choices, &mut chosen);
+            is_changed.then_some(chosen.map(OptionValue::from))
+        }
+        OptionKind::Weights(_) => {
+            let Some(OptionValue::Weights(mut weights)) = now else { return };
+            let before = weights.clone();
+            CollapsingHeader::new(&name).show(ui, |ui| {
+                for (attribute, factor) in &mut weights {
+                    widgets::slider(ui, &label(attribute), option.help, factor, 0.0..=MAX_WEIGHT);
+                }
+            });
+            (weights != before).then_some(Some(OptionValue::Weights(weights)))
+        }
+        kind => {
+            let wanted = kind.wanted();
+            let tip =
+                format!("{}\n\nTakes {}. Empty: the default.", option.help, wanted.trim_end_matches(','));
+            let text = now.map(|value| value.text()).unwrap_or_default();
+            let is_good = |text: &str| text.trim().is_empty() || kind.parse(&text.into()).is_ok();
+            let typed = widgets::field(ui, &name, &tip, |ui| {
+                widgets::text_field(ui, &name, &text, "default", ui.available_width(), is_good)
+            });
+            typed.map(|text| (!text.trim().is_empty()).then(|| OptionValue::Text(text.into())))
+        }
     };
-    const CREASES: &str = "Edges bent by more than this angle, in degrees, are creases";
-    match method {
-        Method::Memoryless { pairs } | Method::Quadric { pairs } => {
-            let tip = "Also merge unconnected vertices closer than this, which joins separate parts";
-            widgets::optional_length(ui, "Pairs", tip, pairs);
-        }
-        Method::Cluster { cell, two_stage } => {
-            widgets::optional_length(ui, "Cell", "Edge length of a grid cell", cell);
-            let tip = "Cluster to a multiple of the target, then continue with memoryless";
-            widgets::switch(ui, "Two stages", None, tip, two_stage);
-        }
-        Method::ShortestEdge { edge_length } => {
-            widgets::optional_length(ui, "Edge length", "Collapse edges up to this length", edge_length);
-        }
-        Method::VertexRemoval { crease_deg } => angle(ui, crease_deg, CREASES, 30.0),
-        Method::Planar { angle_deg, flat } => {
-            let tip = "Maximum angle between a face and the plane of its region, in degrees";
-            angle(ui, angle_deg, tip, 5.0);
-            widgets::optional_length(ui, "Flat", "Maximum distance from the plane of a region", flat);
-        }
-        Method::Unsubdivide { levels } => {
-            widgets::optional_count(ui, "Levels", "Maximum number of levels to reverse", levels, 1, 1);
-        }
-        Method::Remesh(remesh) => edit_remesh(ui, remesh),
-        _ => {}
+    match new {
+        None => {}
+        Some(None) => by_name::reset(option, options),
+        Some(Some(value)) => set(option, options, &value),
     }
 }
 
-fn edit_remesh(ui: &mut Ui, remesh: &mut Remesh) {
-    let mut voxel: Option<Length> = match remesh {
-        Remesh::Voxels { size } => Some(*size),
-        _ => None,
-    };
-    let tip = "Voxel size; wraps the input in a closed surface, whatever its defects";
-    widgets::optional_length(ui, "Voxel", tip, &mut voxel);
-    *remesh = match (voxel, *remesh) {
-        (Some(size), _) => Remesh::Voxels { size },
-        (None, Remesh::Voxels { .. }) => Remesh::default(),
-        (None, own) => own,
-    };
-    let Remesh::OnSurface { edge_length, crease_deg, rounds, pattern } = remesh else { return };
-    widgets::optional_length(ui, "Edge length", "Length of the new edges", edge_length);
-    let tip = "Edges bent by more than this angle, in degrees, are creases";
-    widgets::optional(ui, "Angle", tip, crease_deg, 30.0, range("angle"));
-    widgets::optional_count(ui, "Iterations", "Number of remeshing iterations", rounds, 5, 1);
-    let mut subdivisions = match pattern {
-        RemeshPattern::SemiRegular { subdivisions } => Some(*subdivisions),
-        _ => None,
-    };
-    let mut is_adaptive = *pattern == RemeshPattern::Adaptive;
-    widgets::optional_count(
-        ui,
-        "Subdivisions",
-        "Number of subdivisions of a base mesh",
-        &mut subdivisions,
-        3,
-        1,
-    );
-    let tip = "Shorter edges where the surface is curved";
-    let is_switched = widgets::switch(ui, "Adaptive", None, tip, &mut is_adaptive);
-    *pattern = match subdivisions {
-        _ if is_switched && is_adaptive => RemeshPattern::Adaptive,
-        Some(subdivisions) => RemeshPattern::SemiRegular { subdivisions },
-        None if is_adaptive => RemeshPattern::Adaptive,
-        None => RemeshPattern::Even,
-    };
+/// Sets a value, and resets the options that exclude it.
+fn set(option: &NamedOption, options: &mut SimplifyOptions, value: &OptionValue<'_>) {
+    for _ in OPTIONS {
+        match option.set(options, value) {
+            Err(OptionError::Combination(SimplifyError::NotTogether { first, .. })) => {
+                let Some(other) = by_name::find(first) else { return };
+                by_name::reset(other, options);
+            }
+            _ => return,
+        }
+    }
+}
+
+/// Returns the label of an option or attribute: its name with a capital and blanks, unless [`LABELS`] has a better one.
+fn label(name: &str) -> String {
+    if let Some((_, label)) = LABELS.iter().find(|(known, _)| *known == name) {
+        return (*label).to_owned();
+    }
+    let (first, rest) = name.split_at(name.len().min(1));
+    format!("{}{}", first.to_uppercase(), rest.replace('-', " "))
+}
+
+#[cfg(test)]
+mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+    use lodsmith::{Method, Remesh, RemeshPattern};
+
+    use super::*;
+
+    fn options_of(method: MethodKind) -> SimplifyOptions {
+        let mut options = SimplifyOptions::default();
+        options.method = method.into();
+        options
+    }
+
+    #[test]
+    fn every_option_of_the_table_is_drawn_by_its_kind_or_specially() {
+        let mut drawn = DRAWN_SPECIALLY.to_vec();
+        for method in MethodKind::ALL {
+            let mut options = options_of(method);
+            let harness = Harness::new_ui(|ui| {
+                let open = [OptionGroup::OfMethod, OptionGroup::Simplification];
+                for group in open.into_iter().chain(folded_groups()) {
+                    rows(ui, group, &mut options);
+                }
+            });
+            let is_drawn =
+                |option: &&NamedOption| harness.query_all_by_label(&label(option.name)).next().is_some();
+            let all = OPTIONS.iter().filter(is_drawn).map(|option| option.name);
+            drawn.extend(all);
+        }
+        for option in OPTIONS {
+            assert!(drawn.contains(&option.name), "{} has no control", option.name);
+        }
+    }
+
+    #[test]
+    fn a_new_value_replaces_the_options_that_exclude_it() {
+        let mut options = options_of(MethodKind::Remesh);
+        let steps = [("subdivisions", "3"), ("angle", "20"), ("voxel", "1%"), ("adaptive", "true")];
+        for (name, text) in steps {
+            set(by_name::find(name).unwrap(), &mut options, &text.into());
+        }
+        let pattern = RemeshPattern::Adaptive;
+        let Method::Remesh(Remesh::OnSurface { pattern: got, crease_deg, .. }) = options.method else {
+            panic!("{:?}", options.method)
+        };
+        assert_eq!((got, crease_deg), (pattern, None));
+    }
 }

@@ -1,8 +1,6 @@
 //! Widgets of the panels.
 
 use eframe::egui::{self, Align, Layout, Response, RichText, Sense, Ui, Vec2};
-use lodsmith::Length;
-use lodsmith::options::by_name::{length_of_text, length_text};
 
 use super::Panel;
 use crate::panel::keys::Action;
@@ -143,67 +141,6 @@ pub fn slider(ui: &mut Ui, name: &str, tip: &str, value: &mut f64, range: std::o
             let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(name));
         }
     });
-}
-
-/// Draws an optional number: checkbox and field, both labelled for screen readers. Returns true if it
-/// changed.
-pub fn optional(
-    ui: &mut Ui,
-    name: &str,
-    tip: &str,
-    value: &mut Option<f64>,
-    first: f64,
-    range: std::ops::RangeInclusive<f64>,
-) -> bool {
-    let before = *value;
-    field(ui, name, tip, |ui| {
-        let mut is_on = value.is_some();
-        let switch = format!("{name}: on or off");
-        let check = ui.checkbox(&mut is_on, "").on_hover_text(&switch);
-        let mut number = value.unwrap_or(first);
-        let drag = egui::DragValue::new(&mut number).range(range.clone());
-        let speed = (range.end() - range.start()).min(100.0) / 200.0;
-        let number_field = ui.add_enabled(is_on, drag.speed(speed).max_decimals(3));
-        for (response, label) in [(check, switch.as_str()), (number_field, name)] {
-            let _ = ui.ctx().accesskit_node_builder(response.id, |node| node.set_label(label));
-        }
-        *value = is_on.then_some(number);
-    });
-    *value != before
-}
-
-/// Draws an optional whole number. Returns true if it changed.
-pub fn optional_count(
-    ui: &mut Ui,
-    name: &str,
-    tip: &str,
-    value: &mut Option<usize>,
-    first: usize,
-    least: usize,
-) -> bool {
-    let mut number = value.map(|n| n as f64);
-    let changed = optional(ui, name, tip, &mut number, first as f64, least as f64..=1000.0);
-    *value = number.map(|n| n.round() as usize);
-    changed
-}
-
-/// Draws an optional length, typed in units or in percent of the diagonal. Returns true if it changed.
-pub fn optional_length(ui: &mut Ui, name: &str, tip: &str, value: &mut Option<Length>) -> bool {
-    let now = value.map(length_text).unwrap_or_default();
-    let mut changed = false;
-    let tip =
-        format!("{tip}\n\nA number in file units, or a percentage of the diagonal such as 0.1%. Empty: off.");
-    field(ui, name, &tip, |ui| {
-        if let Some(typed) = text_field(ui, name, &now, "off", ui.available_width(), |t| {
-            t.trim().is_empty() || length_of_text(t).is_some()
-        }) {
-            let new =
-                length_of_text(&typed).filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)));
-            changed = new != *value;
-            *value = new;
-        }
-    });
-    changed
 }
 
 /// Draws a text field that returns its text when it loses focus or Enter is pressed; invalid text is red.

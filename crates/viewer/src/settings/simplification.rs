@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use lodsmith::options::by_name::{self, OptionGroup, OptionKind, OptionValue};
 use lodsmith::{Preset, SimplifyOptions, Stop};
-pub use lodsmith_asset::Normals;
+use lodsmith_asset::Normals;
 #[cfg(feature = "window")]
 use lodsmith_asset::Recipe;
 use serde::{Deserialize, Serialize};
@@ -21,18 +21,13 @@ pub struct Simplification {
     pub normals: Normals,
 }
 
-/// Returns values with their names, in the order of lists.
-pub fn named<T: Copy, const N: usize>(values: [T; N], name: fn(T) -> &'static str) -> [(T, &'static str); N] {
-    values.map(|value| (value, name(value)))
-}
-
 impl Simplification {
     /// Returns the options of a preset, with this target.
     pub fn of_preset(preset: Preset, stop: Stop) -> Self {
         Self { preset, options: SimplifyOptions::preset(preset, stop), normals: Normals::default() }
     }
 
-    /// Returns how a file is made lighter.
+    /// Returns the recipe for a file.
     #[cfg(feature = "window")]
     pub(crate) fn recipe(&self) -> Recipe {
         Recipe { options: self.options.clone(), normals: self.normals, ..Recipe::default() }
@@ -48,8 +43,8 @@ impl Simplification {
             || self.options.method.ends_without_stop()
     }
 
-    /// Returns the words of `lodsmith simplify` for all options that differ from the defaults: the target, the preset, and
-    /// what differs from it.
+    /// Returns the words of `lodsmith simplify` for all options that differ from the defaults: the target, the
+    /// preset, and the options that differ from the preset.
     pub fn words(&self) -> Vec<String> {
         let base = SimplifyOptions::preset(self.preset, Stop::default());
         let (targets, others): (Vec<_>, Vec<_>) = by_name::differences(&self.options, &base)
@@ -118,7 +113,7 @@ impl Simplification {
     }
 }
 
-/// Name of the option for [`Normals`], which is of files.
+/// Name of the option for [`Normals`], which belongs to jobs on files and is not in the table.
 const NORMALS: &str = "normals";
 
 impl From<Simplification> for Vec<String> {
@@ -192,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_word_is_named() {
+    fn unknown_words_are_named() {
         let parse = |text: &str| {
             let words: Vec<_> = text.split(' ').map(str::to_owned).collect();
             Simplification::parse(&words).unwrap_err()
@@ -204,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn quotes_stand_where_a_shell_wants_them() {
+    fn words_are_quoted_where_a_shell_needs_it() {
         assert_eq!(quoted("a/b.glb"), "a/b.glb");
         assert_eq!(quoted("my file"), "'my file'");
         assert_eq!(quoted("it's"), r"'it'\''s'");
