@@ -10,7 +10,7 @@ use glam::{DQuat, DVec3};
 use lodsmith_core::model::Pose;
 use lodsmith_core::{Bounds, Model};
 use lodsmith_render::{Camera, Look, Shading};
-use web_time::{Duration, Instant};
+use web_time::Instant;
 
 use crate::command::Command;
 use crate::content::difference::DifferencePicture;
@@ -25,8 +25,8 @@ use crate::panel::{UiRequest, error};
 use crate::settings::{Layout, Sides};
 use crate::stage::picture::StageView;
 use crate::theme::palette;
+use crate::view::drawing::{self, COARSE_SCALE, MAX_FULL_SIZE_TRIANGLES, Smoothing};
 use crate::view::orbit::{Orbit, moved_bounds, turn_matrix, turned_bounds};
-use crate::view::smoothing::Smoothing;
 use crate::view::user_files::UserFiles;
 use crate::view::viewport;
 
@@ -107,13 +107,6 @@ struct Probe {
     turn: DQuat,
 }
 
-/// Render scale while the camera moves, on software adapters. Measured: a quarter of the pixels take a third
-/// of the time.
-const COARSE_SCALE: f32 = 0.5;
-/// Number of triangles up to which software adapters draw at full size.
-const MAX_FULL_SIZE_TRIANGLES: usize = 50_000;
-/// Time after the last movement until the picture is drawn at full size.
-const CAMERA_REST: Duration = Duration::from_millis(160);
 /// Smallest radius that a place of interest is shown with, in diagonals of the model.
 const MIN_PLACE_RADIUS: f64 = 0.03;
 /// Rotation of the light per point of mouse movement.
@@ -312,15 +305,12 @@ impl ComparisonView {
         let (Some(gpu), Some(original)) = (self.gpu.as_mut(), document.original()) else { return false };
         let drawing: Option<&Drawing> = lighter.map_or(original.draw.as_ref(), |l| l.draw.as_ref());
         let Some(drawing) = drawing else { return false };
-        let size = pixels_of(ui, rect);
+        let size = drawing::pixels_of(ui, rect);
         self.height_px = f64::from(size[1]);
 
         let faces = lighter.map_or(original.content.faces, |l| l.content.faces);
-        let rests_in = self.moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
-        let is_coarse = rests_in.is_some() && gpu.is_software() && faces > MAX_FULL_SIZE_TRIANGLES;
-        if let Some(rest) = rests_in {
-            ui.request_repaint_after(rest + Duration::from_millis(5));
-        }
+        let is_moving = drawing::rests_in(ui.ctx(), self.moved).is_some();
+        let is_coarse = is_moving && gpu.is_software() && faces as u64 > MAX_FULL_SIZE_TRIANGLES;
         let [first, second] = &mut self.targets;
         let (target, other) = if slot == 0 { (first, None) } else { (second, first.as_ref()) };
         let target = target.get_or_insert_with(|| gpu.target(size));
@@ -380,7 +370,9 @@ impl ComparisonView {
             ui.request_repaint();
         }
         let shown = same.unwrap_or(target);
-        paint(&ui.painter_at(seen), rect, shown);
+        if let Some(texture) = shown.texture_id() {
+            drawing::paint(&ui.painter_at(seen), rect, texture);
+        }
         if let Some(share) = part {
             viewport::drawing_line(ui, rect, share);
         }
@@ -455,20 +447,6 @@ fn shown_look(document: &Document) -> Look {
         }
     }
     look
-}
-
-/// Returns the size of an area in pixels of the screen.
-fn pixels_of(ui: &Ui, area: Rect) -> [u32; 2] {
-    let scale = ui.pixels_per_point();
-    [area.width(), area.height()].map(|x| (x * scale).round().max(1.0) as u32)
-}
-
-/// Paints a drawn picture over an area.
-fn paint(painter: &egui::Painter, area: Rect, picture: &RenderTarget) {
-    if let Some(id) = picture.texture_id() {
-        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        painter.image(id, area, whole, Color32::WHITE);
-    }
 }
 
 /// Returns the pictures of a layout: the area of the whole picture, its visible part, and the side.

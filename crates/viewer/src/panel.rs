@@ -20,6 +20,8 @@ pub mod timeline;
 pub mod top;
 pub mod widgets;
 
+use eframe::egui::{Button, Ui};
+
 pub use dock::{Dock, Panel};
 
 use crate::command::Command;
@@ -79,6 +81,20 @@ impl PanelContext<'_> {
     /// Requests an action.
     pub fn action(&mut self, action: Action) {
         self.requests.push(UiRequest::Action(action));
+    }
+    /// Draws a button of an action, with its key in the tooltip.
+    pub fn button(&mut self, ui: &mut Ui, action: Action, text: &str, tip: &str, is_enabled: bool) {
+        let tip = action.tip(tip);
+        let response = ui.add_enabled(is_enabled, Button::new(text));
+        if response.on_hover_text(&tip).on_disabled_hover_text(tip).clicked() {
+            self.action(action);
+        }
+    }
+    /// Draws a button of an action that marks a state, with its key in the tooltip.
+    pub fn toggle(&mut self, ui: &mut Ui, action: Action, text: &str, tip: &str, is_on: bool) {
+        if widgets::segment(ui, text, is_on, &action.tip(tip)) {
+            self.action(action);
+        }
     }
 }
 

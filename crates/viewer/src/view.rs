@@ -1,8 +1,8 @@
 //! Camera and picture of one view, for all views: the comparison and the stage.
 
-pub mod orbit;
 #[cfg(feature = "window")]
-pub(crate) mod smoothing;
+pub(crate) mod drawing;
+pub mod orbit;
 #[cfg(feature = "window")]
 pub(crate) mod user_files;
 #[cfg(feature = "window")]

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use eframe::egui::{self, Color32, ColorImage, Rect, TextureOptions, Ui, pos2};
+use eframe::egui::{self, ColorImage, Rect, TextureOptions, Ui};
 
-use super::{CAMERA_REST, COARSE_SCALE, ComparisonView};
+use super::ComparisonView;
 use crate::content::difference::{DifferenceSettings, DifferenceView};
 use crate::document::Document;
 use crate::job::JobKind;
@@ -12,6 +12,7 @@ use crate::numbers::significant;
 use crate::panel::{UiRequest, error};
 use crate::settings::Pose;
 use crate::theme::palette;
+use crate::view::drawing::{self, COARSE_SCALE};
 use crate::view::orbit::turn_matrix;
 use crate::view::viewport;
 
@@ -50,8 +51,7 @@ impl ComparisonView {
             self.difference = Some((last.clone(), texture));
         }
         if let Some((_, texture)) = &self.difference {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            painter.image(texture.id(), rect, whole, Color32::WHITE);
+            drawing::paint(&painter, rect, texture.id());
         }
         let mut text = format!("mean FLIP {}", significant(last.drawn.mean, 3));
         let pointer = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p));
@@ -71,11 +71,8 @@ impl ComparisonView {
         let original = document.original()?.content.clone();
         let lighter = self.result(document).0?.content.clone();
         let settings = document.settings();
-        let rests_in = self.moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
-        if let Some(rest) = rests_in {
-            ui.ctx().request_repaint_after(rest);
-        }
-        let scale = if rests_in.is_some() { COARSE_SCALE } else { 1.0 };
+        let is_moving = drawing::rests_in(ui.ctx(), self.moved).is_some();
+        let scale = if is_moving { COARSE_SCALE } else { 1.0 };
         let pixels = |points: f32| (points * ui.pixels_per_point() * scale).round().max(1.0) as usize;
         let mut look = settings.look.clone();
         // A difference picture shows neither.

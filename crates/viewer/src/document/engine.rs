@@ -29,7 +29,7 @@ pub struct Engine {
 struct HeldPreview {
     preview: Box<SliderPreview>,
     /// True if the window has all meshes of the present level.
-    is_told: bool,
+    has_all_meshes: bool,
 }
 
 /// Folder of written files, which are handed to the window.
@@ -83,7 +83,7 @@ impl Engine {
             Task::Level { how, peak_ratio } => self.level(&how, peak_ratio),
             task => match self.job(original.clone(), task, watch) {
                 Ok(job) => match job.run(None, watch) {
-                    Some(outcome) => self.answer(outcome, &original),
+                    Some(outcome) => self.answer_of(outcome, &original),
                     None => Answer::Nothing,
                 },
                 Err(Failure::Cancelled) => Answer::Nothing,
@@ -138,26 +138,18 @@ impl Engine {
 
     /// Returns the job for a task, with its models.
     fn job(&mut self, original: Arc<Original>, task: Task, watch: &mut JobControl) -> Result<Job, Failure> {
-        let hidden = |content| ShownModel { content, draw: None };
         let key = Arc::as_ptr(&original) as usize;
         Ok(match task {
             Task::Inspect(how) => {
                 let result = how.map(|how| self.lighter(&original, &how, watch)).transpose()?;
-                Job::Inspect {
-                    original: hidden(original),
-                    result: result.map(|content| ShownModel { content, draw: None }),
-                }
+                Job::Inspect { original: hidden(original), result: result.map(hidden) }
             }
             Task::Flaws(how) => {
                 let result = how.map(|how| self.lighter(&original, &how, watch)).transpose()?;
-                Job::Flaws {
-                    original: hidden(original),
-                    result: result.map(|content| ShownModel { content, draw: None }),
-                }
+                Job::Flaws { original: hidden(original), result: result.map(hidden) }
             }
             Task::Measure(how, quantity) => {
-                let content = self.lighter(&original, &how, watch)?;
-                let lighter = ShownModel { content, draw: None };
+                let lighter = hidden(self.lighter(&original, &how, watch)?);
                 Job::Measure { original: hidden(original), lighter, quantity }
             }
             Task::Difference(how, seen) => {
@@ -195,7 +187,7 @@ impl Engine {
     }
 
     /// Returns the answer for the outcome of a job, and keeps what later requests need.
-    fn answer(&mut self, outcome: Outcome, original: &Original) -> Answer {
+    fn answer_of(&mut self, outcome: Outcome, original: &Original) -> Answer {
         match outcome {
             Outcome::Inspected { topology, .. } => Answer::Topology(topology),
             Outcome::Flaws { flaws, .. } => Arc::into_inner(flaws).map_or(Answer::Nothing, Answer::Flaws),
@@ -215,7 +207,7 @@ impl Engine {
                 let count = result.map(|made| match made {
                     PreviewMade::Here(preview) => {
                         let count = preview.levels();
-                        self.preview = Some(HeldPreview { preview, is_told: false });
+                        self.preview = Some(HeldPreview { preview, has_all_meshes: false });
                         count
                     }
                     PreviewMade::Elsewhere(count) => count,
@@ -227,17 +219,22 @@ impl Engine {
     }
 
     fn level(&mut self, how: &Simplification, peak_ratio: Option<f64>) -> Answer {
-        let Some(HeldPreview { preview, is_told }) = &mut self.preview else { return Answer::Nothing };
+        let Some(HeldPreview { preview, has_all_meshes }) = &mut self.preview else { return Answer::Nothing };
         peak_ratio.into_iter().for_each(|ratio| preview.set_peak_ratio(ratio));
-        match preview.go_to(how, !*is_told) {
+        match preview.go_to(how, !*has_all_meshes) {
             Ok(Some(change)) => {
-                *is_told = true;
+                *has_all_meshes = true;
                 Answer::Level(change)
             }
             Ok(None) => Answer::Nothing,
             Err(why) => Answer::Lost(why.to_string()),
         }
     }
+}
+
+/// Returns a model without GPU buffers.
+fn hidden<T>(content: Arc<T>) -> ShownModel<T> {
+    ShownModel { content, draw: None }
 }
 
 /// Returns the path that a file is written to before it is handed to the window.

@@ -15,20 +15,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let table = document.benchmark_table();
     ui.horizontal(|ui| {
         if is_running {
-            let tip = format!("Cancel running jobs ({})", Action::Cancel.key());
-            if ui.button("Stop benchmark").on_hover_text(tip).clicked() {
-                scope.action(Action::Cancel);
-            }
+            scope.button(ui, Action::Cancel, "Stop benchmark", "Cancel running jobs", true);
         } else {
-            let tip = format!(
-                "Make {} levels with the current method and render each ({})",
-                BENCHMARK_RATIOS.len(),
-                Action::Benchmark.key()
-            );
-            let button = egui::Button::new("Run benchmark");
-            if ui.add_enabled(document.original().is_some(), button).on_hover_text(tip).clicked() {
-                scope.action(Action::Benchmark);
-            }
+            let levels = BENCHMARK_RATIOS.len();
+            let tip = format!("Make {levels} levels with the current method and render each");
+            scope.button(ui, Action::Benchmark, "Run benchmark", &tip, document.original().is_some());
         }
         let Some(table) = table.as_ref().filter(|t| !t.rows.is_empty()) else { return };
         for (name, tip, text) in [

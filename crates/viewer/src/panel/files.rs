@@ -10,19 +10,10 @@ use crate::theme::{palette, weak};
 /// Draws the panel.
 pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.horizontal(|ui| {
-        let open = ui.button("Open…").on_hover_text(format!("Open files ({})", Action::Open.key()));
-        if open.clicked() {
-            scope.action(Action::Open);
-        }
         let has_file = scope.document.original().is_some();
-        let tip = format!("Export the shown mesh ({})", Action::Export.key());
-        if ui.add_enabled(has_file, egui::Button::new("Export…")).on_hover_text(tip).clicked() {
-            scope.action(Action::Export);
-        }
-        let tip = format!("Reload the file ({})", Action::Reload.key());
-        if ui.add_enabled(has_file, egui::Button::new("Reload")).on_hover_text(tip).clicked() {
-            scope.action(Action::Reload);
-        }
+        scope.button(ui, Action::Open, "Open…", "Open files", true);
+        scope.button(ui, Action::Export, "Export…", "Export the shown mesh", has_file);
+        scope.button(ui, Action::Reload, "Reload", "Reload the file", has_file);
     });
     let settings = scope.document.settings();
     widgets::heading(ui, "Open");

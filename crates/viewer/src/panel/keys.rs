@@ -334,6 +334,10 @@ impl Action {
         BINDINGS.iter().find(|b| b.action == self)
     }
 
+    /// Returns a tooltip: a text with the key of the action.
+    pub fn tip(self, text: &str) -> String {
+        format!("{text} ({})", self.key())
+    }
     /// Returns the key of the action for display; empty without one.
     pub fn key(self) -> String {
         self.binding().map(|b| text(&b.shortcut)).unwrap_or_default()

@@ -173,10 +173,7 @@ fn flaws(ui: &mut Ui, scope: &mut PanelContext<'_>, [borders, defects]: [bool; 2
     let side = if scope.document.lighter().is_some() { sides[1] } else { sides[0] };
     let places = side.map_or(0, |f| f.shown_places(borders, defects).count());
     ui.horizontal(|ui| {
-        let tip = format!("Go to the next one, largest first ({})", Action::NextFlaw.key());
-        if ui.add_enabled(places > 0, egui::Button::new("Next")).on_hover_text(tip).clicked() {
-            scope.action(Action::NextFlaw);
-        }
+        scope.button(ui, Action::NextFlaw, "Next", "Go to the next one, largest first", places > 0);
         let text = match scope.facts.flaw.filter(|n| *n < places) {
             Some(n) => format!("{} of {} places", grouped(n + 1), grouped(places)),
             None => format!("{} places", grouped(places)),

@@ -134,7 +134,7 @@ fn command(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     ui.horizontal_wrapped(|ui| {
         ui.add(eframe::egui::Label::new(crate::theme::number(&line)).wrap().selectable(true));
     });
-    let tip = format!("Copy to the clipboard ({})", Action::CopyCommand.key());
+    let tip = Action::CopyCommand.tip("Copy to the clipboard");
     if ui.button("Copy").on_hover_text(tip).clicked() {
         scope.requests.push(UiRequest::Copy(line));
     }

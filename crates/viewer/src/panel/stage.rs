@@ -31,11 +31,11 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let scatter = scope.facts.stage.form.unwrap_or(stage.scatter);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        button(ui, scope, Action::Stage, "Exit stage", "Back to original and result", false);
+        scope.toggle(ui, Action::Stage, "Exit stage", "Back to original and result", false);
         let is_walking = scope.facts.stage.is_walking;
-        button(ui, scope, Action::Walk, "Walk", "Walk through the copies in first person", is_walking);
+        scope.toggle(ui, Action::Walk, "Walk", "Walk through the copies in first person", is_walking);
         let (place, is_placing) = (Action::Copies(CopiesAction::Place), scope.facts.stage.is_placing);
-        button(ui, scope, place, "Place", "Click on the ground to place a copy", is_placing);
+        scope.toggle(ui, place, "Place", "Click on the ground to place a copy", is_placing);
     });
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -58,13 +58,6 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     scatter_fields(ui, scope, scatter);
     chosen(ui, scope, &copies);
     levels(ui, scope, view);
-}
-
-/// Draws a button of an action, with its key in the tooltip.
-fn button(ui: &mut Ui, scope: &mut PanelContext<'_>, action: Action, text: &str, tip: &str, is_chosen: bool) {
-    if widgets::segment(ui, text, is_chosen, &format!("{tip} ({})", action.key())) {
-        scope.action(action);
-    }
 }
 
 fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
@@ -119,7 +112,7 @@ fn scatter_fields(ui: &mut Ui, scope: &mut PanelContext<'_>, before: Scatter) {
             scope.requests.push(UiRequest::Scatter(s));
         }
         let again = Action::Copies(CopiesAction::Scatter);
-        button(ui, scope, again, "Reshuffle", "Scatter again with the next seed", false);
+        scope.toggle(ui, again, "Reshuffle", "Scatter again with the next seed", false);
     });
     if s != before {
         scope.requests.push(UiRequest::ScatterForm(s));
@@ -135,20 +128,20 @@ fn chosen(ui: &mut Ui, scope: &mut PanelContext<'_>, copies: &[Placement]) {
         ui.label(weak(ui, text));
         let all = Action::Copies(CopiesAction::All);
         if !copies.is_empty() {
-            button(ui, scope, all, "All", "Select all copies", false);
+            scope.toggle(ui, all, "All", "Select all copies", false);
         }
         for (action, text, tip) in [
             (CopiesAction::Duplicate, "Duplicate", "Add duplicates beside the selected copies"),
             (CopiesAction::Delete, "Delete", "Delete the selected copies"),
         ] {
             if !selected.is_empty() {
-                button(ui, scope, Action::Copies(action), text, tip, false);
+                scope.toggle(ui, Action::Copies(action), text, tip, false);
             }
         }
     });
     if !selected.is_empty() {
         let tip = "Store the placement of the selected copies at the current time";
-        button(ui, scope, Action::Copies(CopiesAction::Keyframe), "Set keyframe", tip, false);
+        scope.toggle(ui, Action::Copies(CopiesAction::Keyframe), "Set keyframe", tip, false);
     }
     let Some(first) = selected.first().and_then(|n| copies.get(*n)) else { return };
     let mut one = *first;

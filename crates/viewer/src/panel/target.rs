@@ -71,7 +71,7 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let before = scope.document.settings().auto_lod;
     let mut auto = before;
     ui.add_space(8.0);
-    let tip = format!("Select the level by camera distance ({})", Action::AutoLod.key());
+    let tip = Action::AutoLod.tip("Select the level by camera distance");
     if widgets::segment(ui, "Auto LOD", auto.is_on, &tip) {
         auto.is_on = !auto.is_on;
     }
@@ -86,11 +86,8 @@ fn by_distance(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 
 /// Draws the button that goes back to the original.
 fn restore(ui: &mut Ui, scope: &mut PanelContext<'_>) {
-    let tip = format!("Back to original ({})", Action::Restore.key());
-    let can_restore = scope.document.settings().simplify.has_target();
-    if ui.add_enabled(can_restore, egui::Button::new("Back to original")).on_hover_text(tip).clicked() {
-        scope.action(Action::Restore);
-    }
+    let has_target = scope.document.settings().simplify.has_target();
+    scope.button(ui, Action::Restore, "Back to original", "Show the original again", has_target);
     ui.add_space(8.0);
 }
 
@@ -99,10 +96,7 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let document = scope.document;
     let text = |ui: &mut Ui, text: String| ui.add(egui::Label::new(weak(ui, text)).truncate());
     if let Some(progress) = document.progress() {
-        let stop = ui.button("Stop").on_hover_text(format!("Cancel running jobs ({})", Action::Cancel.key()));
-        if stop.clicked() {
-            scope.action(Action::Cancel);
-        }
+        scope.button(ui, Action::Cancel, "Stop", "Cancel running jobs", true);
         let width = (ui.available_width() - 120.0).clamp(24.0, 120.0);
         let read = document.opening_progress().and_then(|(_, _, done)| done);
         let done = read.map_or(progress.done, |done| done as f32);

@@ -65,7 +65,6 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
 
 /// Draws the playback controls: play, step, clip, looping, speed, time.
 fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback: &mut Playback) {
-    let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
     let is_playing = scope.document.is_playing();
     let (name, text) = if is_playing {
         ("Pause", "Pause at the current time")
@@ -73,7 +72,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         ("Play", "Play from the current time")
     };
     let button = egui::Button::new(name).min_size(Vec2::new(64.0, 0.0));
-    if ui.add(button).on_hover_text(tip(Action::Play, text)).clicked() {
+    if ui.add(button).on_hover_text(Action::Play.tip(text)).clicked() {
         scope.action(Action::Play);
     }
     for (action, name, text) in [
@@ -81,7 +80,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         (Action::StepTime(-1), "<", "Previous frame"),
         (Action::StepTime(1), ">", "Next frame"),
     ] {
-        let response = ui.button(name).on_hover_text(tip(action, text));
+        let response = ui.button(name).on_hover_text(action.tip(text));
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, text));
         if response.clicked() {
             scope.action(action);
@@ -92,7 +91,7 @@ fn transport(ui: &mut Ui, scope: &mut PanelContext<'_>, model: &Model, playback:
         clips(ui, model, playback);
     }
     let text = "Start over at the end";
-    if widgets::segment(ui, "Loop", playback.repeats, &tip(Action::Repeat, text)) {
+    if widgets::segment(ui, "Loop", playback.repeats, &Action::Repeat.tip(text)) {
         playback.repeats = !playback.repeats;
     }
     ui.add_space(8.0);

@@ -20,15 +20,10 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>, is_shown: &dyn Fn(Panel) 
         ui.separator();
         shading(ui, scope);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let tip = |action: Action, text: &str| format!("{text} ({})", action.key());
-            if ui.button("?").on_hover_text(tip(Action::Help, "Keys and mouse")).clicked() {
-                scope.action(Action::Help);
-            }
+            scope.button(ui, Action::Help, "?", "Keys and mouse", true);
             let (name, text) =
                 if ui.visuals().dark_mode { ("Light", "Light theme") } else { ("Dark", "Dark theme") };
-            if ui.button(name).on_hover_text(tip(Action::Theme, text)).clicked() {
-                scope.action(Action::Theme);
-            }
+            scope.button(ui, Action::Theme, name, text, true);
             if let Some(original) = scope.document.original() {
                 let name = super::files::name(&original.content.path);
                 ui.add(egui::Label::new(weak(ui, name)).truncate());
@@ -188,10 +183,7 @@ fn sides(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             scope.command(Command::Layout(Layout { sides, ..layout }));
         }
     }
-    let tip = format!("Use one camera for both sides ({})", Action::Link.key());
-    if widgets::segment(ui, "Linked", layout.linked, &tip) {
-        scope.action(Action::Link);
-    }
+    scope.toggle(ui, Action::Link, "Linked", "Use one camera for both sides", layout.linked);
 }
 
 fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
@@ -206,7 +198,7 @@ fn shading(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         }
     });
     response.response.on_hover_text("How the surface is coloured");
-    let tip = format!("Draw all edges as lines ({})", Action::Wireframe.key());
+    let tip = Action::Wireframe.tip("Draw all edges as lines");
     if widgets::segment(ui, "Wireframe", look.look.wireframe, &tip) {
         look.look.wireframe = !look.look.wireframe;
     }

@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Align, Layout, Response, RichText, Sense, Ui, Vec2};
 
-use super::Panel;
+use super::dock::Panel;
 use crate::panel::keys::Action;
 use crate::theme::{self, SPACING, number, palette, weak};
 

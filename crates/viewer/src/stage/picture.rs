@@ -25,8 +25,8 @@ use crate::panel::UiRequest;
 use crate::panel::keys::Action;
 use crate::settings::Pose;
 use crate::theme::{Palette, palette};
+use crate::view::drawing::{self, CAMERA_REST, COARSE_SCALE, MAX_FULL_SIZE_TRIANGLES, Smoothing};
 use crate::view::orbit::Orbit;
-use crate::view::smoothing::Smoothing;
 use crate::view::user_files::UserFiles;
 use crate::view::viewport;
 
@@ -86,13 +86,8 @@ const LOOK_PER_POINT: f64 = 0.004;
 const LOOK_PER_SECOND: f64 = 1.6;
 /// Speed factor when walking with Shift.
 const RUN_FACTOR: f64 = 4.0;
-/// Picture scale while the camera moves on a software renderer (a quarter of the pixels), used only above
-/// `FAST_TRIANGLES` triangles.
-const COARSE_SCALE: f32 = 0.5;
-const FAST_TRIANGLES: u64 = 50_000;
 /// Triangle budget while the camera moves: a software renderer draws these in about a fifth of a second.
 const MOVING_BUDGET: u64 = 100_000;
-const CAMERA_REST: Duration = Duration::from_millis(160);
 
 impl Default for StageView {
     fn default() -> Self {
@@ -355,14 +350,10 @@ impl StageView {
         let StageScene { document, copies, base, levels, pose, rect } = shown;
         let settings = document.settings();
         let stage = &settings.stage;
-        let scale = ui.pixels_per_point();
-        let size = [rect.width(), rect.height()].map(|x| (x * scale).round().max(1.0) as u32);
-        let rests_in = self.last_moved.and_then(|at| CAMERA_REST.checked_sub(at.elapsed()));
-        let is_many = self.status.chosen.triangles > FAST_TRIANGLES;
-        let is_coarse = rests_in.is_some() && gpu.is_software() && is_many;
-        if let Some(rest) = rests_in {
-            ui.request_repaint_after(rest + Duration::from_millis(5));
-        }
+        let size = drawing::pixels_of(ui, *rect);
+        let is_many = self.status.chosen.triangles > MAX_FULL_SIZE_TRIANGLES;
+        let is_moving = drawing::rests_in(ui.ctx(), self.last_moved).is_some();
+        let is_coarse = is_moving && gpu.is_software() && is_many;
         let target = self.target.get_or_insert_with(|| gpu.target(size));
         let locked: Vec<_> =
             levels.iter().map(|l| l.draw.map(|d| d.lock().unwrap_or_else(PoisonError::into_inner))).collect();
@@ -408,9 +399,8 @@ impl StageView {
         let ready = begin.elapsed();
         // A picture in parts would never be completed if every frame differs.
         let drawn = if is_coarse { gpu.draw(target, &frame) } else { gpu.draw_in_parts(target, &frame) };
-        if let Some(id) = target.texture_id() {
-            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter_at(*rect).image(id, *rect, whole, Color32::WHITE);
+        if let Some(texture) = target.texture_id() {
+            drawing::paint(&ui.painter_at(*rect), *rect, texture);
         }
         if let Some(share) = drawn.completed_fraction() {
             viewport::drawing_line(ui, *rect, share);

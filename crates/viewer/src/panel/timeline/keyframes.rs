@@ -27,31 +27,26 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     let (selected, chosen) = (!facts.selected.is_empty(), facts.keyframes.chosen.clone());
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        let button =
-            |ui: &mut Ui, scope: &mut PanelContext<'_>, action, text: &str, tip: &str, is_enabled| {
-                let action = Action::Copies(action);
-                let response = ui.add_enabled(is_enabled, egui::Button::new(text));
-                let tip = format!("{tip} ({})", action.key());
-                if response.on_hover_text(&tip).on_disabled_hover_text(tip).clicked() {
-                    scope.action(action);
-                }
-            };
         ui.label(weak(ui, "Set keyframe:"));
         let tip = "Store the placement of the selected copies at the current time";
-        button(ui, scope, CopiesAction::Keyframe, "Copies", tip, selected);
+        scope.button(ui, Action::Copies(CopiesAction::Keyframe), "Copies", tip, selected);
         let tip = "Store the camera view at the current time";
-        button(ui, scope, CopiesAction::CameraKeyframe, "Camera", tip, true);
+        scope.button(ui, Action::Copies(CopiesAction::CameraKeyframe), "Camera", tip, true);
         ui.add_space(8.0);
         let is_any = !chosen.is_empty();
         let tip = "Paste the selected keyframes, the first at the current time";
-        button(ui, scope, CopiesAction::Duplicate, "Copy here", tip, is_any);
-        button(ui, scope, CopiesAction::Delete, "Delete key", "Delete the selected keyframes", is_any);
+        scope.button(ui, Action::Copies(CopiesAction::Duplicate), "Copy here", tip, is_any);
+        scope.button(
+            ui,
+            Action::Copies(CopiesAction::Delete),
+            "Delete key",
+            "Delete the selected keyframes",
+            is_any,
+        );
         ui.add_space(8.0);
         let is_step = is_any && chosen.iter().all(|c| motion.curve(c.0) == Curve::Step);
-        let tip = format!(
-            "Hold each value until the next keyframe ({} toggles)",
-            Action::Copies(CopiesAction::Curve).key()
-        );
+        let key = Action::Copies(CopiesAction::Curve).key();
+        let tip = format!("Hold each value until the next keyframe ({key} toggles)");
         for (text, is_on, curve) in
             [("Smooth", is_any && !is_step, Curve::Smooth), ("Steps", is_step, Curve::Step)]
         {
@@ -68,13 +63,11 @@ pub(super) fn row(ui: &mut Ui, scope: &mut PanelContext<'_>) {
             });
         }
         ui.add_space(8.0);
-        let action = Action::Copies(CopiesAction::FreeCamera);
-        let tip = format!("Look through the animated camera ({})", action.key());
         let has_camera = !motion.camera.is_empty();
         ui.add_enabled_ui(has_camera, |ui| {
-            if widgets::segment(ui, "Camera view", has_camera && !motion.has_free_camera, &tip) {
-                scope.action(action);
-            }
+            let (action, tip) = (CopiesAction::FreeCamera, "Look through the animated camera");
+            let is_on = has_camera && !motion.has_free_camera;
+            scope.toggle(ui, Action::Copies(action), "Camera view", tip, is_on);
         });
     });
 }
