@@ -3,7 +3,7 @@
 //! `cargo run -p lodsmith-viewer --example pictures -- FOLDER` writes `NAME.png` for each page, and the frames
 //! `slider_00.png` … of the moving slider. Without a graphics adapter it prints SKIPPED and writes nothing.
 
-#[path = "../tests/adapter/mod.rs"]
+#[path = "../tests/adapter.rs"]
 mod adapter;
 #[path = "../tests/screens/harness.rs"]
 mod harness;

@@ -19,25 +19,14 @@ use lodsmith_viewer::settings::playback::Playback;
 use lodsmith_viewer::settings::simplification::Simplification;
 use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
 
-const TIMEOUT: Duration = Duration::from_secs(120);
+use crate::documents::{TIMEOUT, folder_with, opened};
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.obj", shapes::torus(48, 24))] {
-        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
-    }
-    folder
+    folder_with([("sphere.ply", shapes::icosphere(4)), ("torus.obj", shapes::torus(48, 24))])
 }
 
 fn document() -> Document {
     Document::new(None, || {})
-}
-
-fn opened(path: &Path) -> Document {
-    let mut document = document();
-    document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(TIMEOUT), "opening never ends");
-    document
 }
 
 fn faces(document: &Document) -> usize {

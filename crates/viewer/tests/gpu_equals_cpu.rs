@@ -1,8 +1,6 @@
 //! Compares each GPU pass with the CPU renderer's picture of the same scene. Needs an adapter; a software
 //! adapter is sufficient. Without one the tests print a note and pass, unless `LODSMITH_REQUIRE_GPU` is set.
 
-mod adapter;
-
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
@@ -19,6 +17,8 @@ use lodsmith_viewer::content::{Lighter, Original};
 use lodsmith_viewer::gpu::{BufferLimits, Frame, Gpu, Marks, PlacedModel, TINTS};
 use lodsmith_viewer::settings::playback::Playback;
 use lodsmith_viewer::settings::simplification::Simplification;
+
+use crate::adapter;
 
 const SIZE: [u32; 2] = [240, 200];
 

@@ -6,7 +6,6 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use glam::DMat4;
 use lodsmith_core::shapes;
@@ -19,7 +18,7 @@ use lodsmith_viewer::document::{Document, Engine};
 use lodsmith_viewer::page::{BrowserPage, PageWorker, WorkerMessage};
 use lodsmith_viewer::settings::{HeatOf, Layout, Pose, Sides};
 
-const TIMEOUT: Duration = Duration::from_secs(120);
+use crate::documents::{TIMEOUT, folder_with};
 
 /// A page without a browser. Its workers answer when they are asked for messages.
 #[derive(Default)]
@@ -83,11 +82,7 @@ impl Drop for TestWorker {
 }
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, mesh) in [("sphere.ply", shapes::icosphere(4)), ("torus.glb", shapes::torus(96, 48))] {
-        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
-    }
-    folder
+    folder_with([("sphere.ply", shapes::icosphere(4)), ("torus.glb", shapes::torus(96, 48))])
 }
 
 /// Returns documents with an engine behind a page, and with one in the same process.

@@ -2,22 +2,13 @@
 //!
 //! With `LODSMITH_PICTURES=FOLDER` each picture is saved there for inspection.
 
-mod adapter;
-#[path = "screens/benchmark.rs"]
 mod benchmark;
-#[path = "screens/compare.rs"]
 mod compare;
-#[path = "screens/first_minute.rs"]
 mod first_minute;
-#[path = "screens/harness.rs"]
 mod harness;
-#[path = "screens/keyframes.rs"]
 mod keyframes;
-#[path = "screens/stage.rs"]
 mod stage;
-#[path = "screens/test_harness.rs"]
 mod test_harness;
-#[path = "screens/timeline.rs"]
 mod timeline;
 
 use std::path::Path;

@@ -1,9 +1,6 @@
 //! Preview of the slider: a progressive mesh shows any level at once, and an exact run follows after release.
 
-mod adapter;
-
 use std::path::Path;
-use std::time::Duration;
 
 use lodsmith::{MethodKind, SimplifyOptions, Stop, simplify};
 use lodsmith_core::{TriMesh, shapes};
@@ -12,28 +9,14 @@ use lodsmith_viewer::command::{Command, SimplifyTarget};
 use lodsmith_viewer::content::export::Export;
 use lodsmith_viewer::content::sum_over_instances;
 use lodsmith_viewer::document::Document;
-use lodsmith_viewer::gpu::{Context, Frame, Gpu, PlacedModel};
+use lodsmith_viewer::gpu::{Frame, Gpu, PlacedModel};
 use lodsmith_viewer::settings::simplification::Simplification;
 
-const TIMEOUT: Duration = Duration::from_secs(120);
+use crate::adapter;
+use crate::documents::{TIMEOUT, folder_with, opened, opened_with};
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, mesh) in [("blob.ply", shapes::blob(4, 3)), ("torus.obj", shapes::torus(48, 24))] {
-        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
-    }
-    folder
-}
-
-fn opened_with(context: Option<Context>, path: &Path) -> Document {
-    let mut document = Document::new(context, || {});
-    document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(TIMEOUT), "opening never ends");
-    document
-}
-
-fn opened(path: &Path) -> Document {
-    opened_with(None, path)
+    folder_with([("blob.ply", shapes::blob(4, 3)), ("torus.obj", shapes::torus(48, 24))])
 }
 
 fn faces(document: &Document) -> usize {

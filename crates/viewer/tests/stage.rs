@@ -1,13 +1,11 @@
 //! Commands of the stage, without a window: copies, keyframes, levels, and their files.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use glam::{DQuat, DVec3};
 use lodsmith_core::shapes;
 use lodsmith_io::AssetScope;
 use lodsmith_viewer::command::Command;
-use lodsmith_viewer::document::Document;
 use lodsmith_viewer::settings::playback::Playback;
 use lodsmith_viewer::settings::session::Session;
 use lodsmith_viewer::settings::{Pose, Turn};
@@ -15,21 +13,10 @@ use lodsmith_viewer::stage::motion::{CameraPlacement, Curve, Motion, Mover};
 use lodsmith_viewer::stage::scatter::Scatter;
 use lodsmith_viewer::stage::{Placement, StageChange, StageDisplay};
 
-const TIMEOUT: Duration = Duration::from_secs(120);
+use crate::documents::{TIMEOUT, folder_with, opened};
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, mesh) in [("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(48, 24))] {
-        lodsmith_io::write_path(&mesh, &folder.path().join(name), &Default::default()).unwrap();
-    }
-    folder
-}
-
-fn opened(path: &Path) -> Document {
-    let mut document = Document::new(None, || {});
-    document.run(Command::Open(vec![path.to_owned()]));
-    assert!(document.settle(TIMEOUT), "opening never ends");
-    document
+    folder_with([("sphere.ply", shapes::icosphere(5)), ("torus.obj", shapes::torus(48, 24))])
 }
 
 fn row(count: usize) -> Vec<Placement> {
