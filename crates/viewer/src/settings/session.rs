@@ -4,6 +4,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use lodsmith_io::AssetScope;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::up_axis::UpAxis;
@@ -42,10 +43,12 @@ pub enum SessionError {
         source: io::Error,
     },
     /// Not a session or layout.
-    #[error("{path}: not a lodsmith session: {reason}")]
+    #[error("{path}: not a {program}: {reason}")]
     Malformed {
         /// The file.
         path: PathBuf,
+        /// File type that was expected.
+        program: &'static str,
         /// Description of the fault.
         reason: String,
     },
@@ -61,12 +64,14 @@ pub enum SessionError {
         files: Vec<PathBuf>,
     },
     /// Written by a newer version.
-    #[error("{path}: saved by a newer lodsmith (session version {got}, supported up to {VERSION})")]
+    #[error("{path}: saved by a newer lodsmith (version {got}, supported up to {most})")]
     Newer {
         /// The file.
         path: PathBuf,
         /// Format version of the file.
-        got: u32,
+        got: u64,
+        /// Largest version that can be read.
+        most: u32,
     },
 }
 
@@ -93,9 +98,7 @@ impl Session {
             let whole = absolute(file);
             *file = whole.strip_prefix(&folder).map_or_else(|_| whole.clone(), Path::to_owned);
         }
-        let text = serde_json::to_string_pretty(&copy).map_err(io::Error::from);
-        text.and_then(|text| write(path, text.as_bytes()))
-            .map_err(|source| SessionError::Io { path: path.to_owned(), source })
+        save_json(path, &copy)
     }
 
     /// Opens a session. The files it refers to must be in its folder or below, unless the scope allows more.
@@ -114,19 +117,7 @@ impl Session {
     /// # Errors
     /// Each [`SessionError`] but [`SessionError::Outside`].
     pub fn read(path: &Path, scope: &AssetScope) -> Result<(Self, Vec<PathBuf>), SessionError> {
-        let text = read(path).map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
-        let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), reason };
-        let version = serde_json::from_str::<serde_json::Value>(&text)
-            .map_err(|e| malformed(e.to_string()))?["version"]
-            .as_u64();
-        if let Some(got) = version.filter(|&v| v > u64::from(VERSION)) {
-            let got = u32::try_from(got).unwrap_or(u32::MAX);
-            return Err(SessionError::Newer { path: path.to_owned(), got });
-        }
-        let mut session: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
-        if session.program != PROGRAM {
-            return Err(malformed("the field `program` is missing or different".to_owned()));
-        }
+        let mut session: Self = read_json(path, PROGRAM, VERSION)?;
         let folder = folder_of(path);
         let mut outside = Vec::new();
         for file in session.settings.all_files_mut() {
@@ -154,6 +145,31 @@ fn folder_of(path: &Path) -> PathBuf {
 
 /// Largest session or layout file, in bytes: the maximum of copies and keyframes takes a quarter of it.
 const MAX_FILE_BYTES: u64 = 256 << 20;
+
+/// Writes a session or a layout atomically.
+pub(crate) fn save_json(path: &Path, content: &impl Serialize) -> Result<(), SessionError> {
+    let text = serde_json::to_string_pretty(content).map_err(io::Error::from);
+    text.and_then(|text| write(path, text.as_bytes()))
+        .map_err(|source| SessionError::Io { path: path.to_owned(), source })
+}
+
+/// Reads a session or a layout whose fields `program` and `version` are these, or of an older version.
+pub(crate) fn read_json<T: DeserializeOwned>(
+    path: &Path,
+    program: &'static str,
+    most: u32,
+) -> Result<T, SessionError> {
+    let text = read(path).map_err(|source| SessionError::Io { path: path.to_owned(), source })?;
+    let malformed = |reason: String| SessionError::Malformed { path: path.to_owned(), program, reason };
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
+    if let Some(got) = json["version"].as_u64().filter(|&version| version > u64::from(most)) {
+        return Err(SessionError::Newer { path: path.to_owned(), got, most });
+    }
+    if json["program"] != program {
+        return Err(malformed("the field `program` is missing or different".to_owned()));
+    }
+    serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))
+}
 
 /// Reads the text of a session or a layout.
 pub(crate) fn read(path: &Path) -> io::Result<String> {

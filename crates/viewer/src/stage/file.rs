@@ -1,13 +1,12 @@
 //! Layout files: placement and motion of the copies, for this and other programs.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::motion::Motion;
 use super::{Copies, Placement, Stage};
-use crate::settings::session;
+use crate::settings::session::{self, SessionError};
 
 /// Content of a layout file. Lengths are in units of the model; the ground is y = 0, and the centre of a
 /// copy's base is on it.
@@ -32,28 +31,6 @@ const FORMAT_VERSION: u32 = 1;
 /// File type identifier of layout files.
 pub const FILE_TYPE: &str = "lodsmith stage";
 
-/// Error when reading or writing a layout.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LayoutError {
-    /// Input or output error.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause of the error.
-        source: io::Error,
-    },
-    /// The file is not a valid layout.
-    #[error("{path}: not a stage layout: {reason}")]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// Description of the problem.
-        reason: String,
-    },
-}
-
 impl LayoutFile {
     /// Returns the layout of a stage.
     pub fn new(model: &Path, stage: &Stage) -> Self {
@@ -71,32 +48,18 @@ impl LayoutFile {
     /// Saves the layout: writes a temporary file first and renames it.
     ///
     /// # Errors
-    /// [`LayoutError::Io`].
-    pub fn save(&self, path: &Path) -> Result<(), LayoutError> {
-        let text = serde_json::to_string_pretty(self).map_err(io::Error::from);
-        text.and_then(|text| session::write(path, text.as_bytes()))
-            .map_err(|source| LayoutError::Io { path: path.to_owned(), source })
+    /// [`SessionError::Io`].
+    pub fn save(&self, path: &Path) -> Result<(), SessionError> {
+        session::save_json(path, self)
     }
 
     /// Opens a layout. Returns its copies, the motion of copies and camera, and the number of copies that
     /// were dropped because their position or scale is invalid or there are too many.
     ///
     /// # Errors
-    /// Any [`LayoutError`].
-    pub fn open(path: &Path) -> Result<(Copies, Motion, usize), LayoutError> {
-        let text = session::read(path).map_err(|source| LayoutError::Io { path: path.to_owned(), source })?;
-        let malformed = |reason: String| LayoutError::Malformed { path: path.to_owned(), reason };
-        let file: Self = serde_json::from_str(&text).map_err(|e| malformed(e.to_string()))?;
-        if file.program != FILE_TYPE {
-            return Err(malformed("the field `program` is missing or different".to_owned()));
-        }
-        if file.version > FORMAT_VERSION {
-            let reason = format!(
-                "saved by a newer lodsmith (version {}, supported up to {FORMAT_VERSION})",
-                file.version
-            );
-            return Err(malformed(reason));
-        }
+    /// Any [`SessionError`] but [`SessionError::Outside`].
+    pub fn open(path: &Path) -> Result<(Copies, Motion, usize), SessionError> {
+        let file: Self = session::read_json(path, FILE_TYPE, FORMAT_VERSION)?;
         let all = file.copies.len();
         // Keyframes refer to copies by number: drop those of invalid copies and renumber the others.
         let gone: Vec<usize> = (0..all).filter(|n| file.copies[*n].checked().is_none()).collect();
@@ -138,7 +101,7 @@ mod tests {
         };
         for text in ["{", "[]", r#"{"program":"x","version":1,"copies":[]}"#] {
             let text = open(text).unwrap_err().to_string();
-            assert!(text.contains("a.json") && text.contains("not a stage layout"), "{text}");
+            assert!(text.contains("a.json") && text.contains("not a lodsmith stage"), "{text}");
         }
         let newer = r#"{"program":"lodsmith stage","version":9,"copies":[]}"#;
         assert!(open(newer).unwrap_err().to_string().contains("newer"));
@@ -154,7 +117,7 @@ mod tests {
         assert_eq!((lost, motion.copies.keys().copied().collect::<Vec<_>>()), (1, vec![0]));
         assert_eq!(motion.copies[&0].at(0.0), Some(Placement::at(5.0, 6.0)));
         std::fs::remove_file(&path).unwrap();
-        assert!(matches!(LayoutFile::open(&path), Err(LayoutError::Io { .. })));
+        assert!(matches!(LayoutFile::open(&path), Err(SessionError::Io { .. })));
         assert!(!LayoutFile::is_layout(&path));
     }
 }
