@@ -4,7 +4,7 @@ mod baking;
 mod creases;
 mod difference;
 mod engine;
-mod flaws;
+mod findings;
 mod jobs;
 mod levels;
 pub mod log;
@@ -67,6 +67,9 @@ struct LevelSet {
     levels: Vec<ShownModel<Lighter>>,
 }
 
+/// A finding about the original and about the result, each with the key of its model.
+type OfSides<T> = [Option<(usize, T)>; 2];
+
 /// The document. Only commands change its settings.
 pub struct Document {
     settings: Settings,
@@ -83,7 +86,7 @@ pub struct Document {
     /// The result without its baked maps.
     without_maps: Option<ShownModel<Lighter>>,
     /// Topology counts of the original and of the result.
-    topologies: [Option<(usize, TopologySummary)>; 2],
+    topologies: OfSides<TopologySummary>,
     /// Options of the last job to simplify.
     requested: Option<Simplification>,
     /// The file that is being read, and why.
@@ -93,7 +96,7 @@ pub struct Document {
     /// True if a panel shows distances.
     wants_distances: bool,
     /// Borders and defects of the original and of the result.
-    flaws: [Option<(usize, Arc<Flaws>)>; 2],
+    flaws: OfSides<Arc<Flaws>>,
     /// True if borders or defects are shown.
     wants_flaws: bool,
     /// True if a panel shows components and borders.
@@ -236,19 +239,6 @@ impl Document {
     pub fn lighter(&self) -> Option<&ShownModel<Lighter>> {
         self.lighter.as_ref()
     }
-    /// Returns the topology counts of the original and of the result, as far as they are known.
-    pub fn topologies(&self) -> [Option<&TopologySummary>; 2] {
-        let [one, two] = &self.topologies;
-        let fits = |a: &Option<(usize, TopologySummary)>, key: Option<usize>| {
-            a.as_ref().is_some_and(|a| Some(a.0) == key)
-        };
-        [
-            (one, self.original.as_ref().map(ShownModel::key)),
-            (two, self.lighter.as_ref().map(ShownModel::key)),
-        ]
-        .map(|(a, key)| if fits(a, key) { a.as_ref().map(|a| &a.1) } else { None })
-    }
-
     /// Returns the axis of the model that points up.
     pub fn up(&self) -> UpAxis {
         match self.settings.up {
@@ -521,24 +511,22 @@ impl Document {
         match message {
             Message::Done(outcome) => self.take_outcome(outcome),
             Message::Panicked(kind) => {
-                let text = format!("{} failed unexpectedly: this is a bug in lodsmith", kind.title());
-                match kind {
-                    JobKind::Load => self.open_failed(text),
-                    _ => self.fail(text),
-                }
+                self.job_failed(kind, "failed unexpectedly: this is a bug in lodsmith")
             }
-            Message::Failed(kind, why) => {
-                let text = format!("{} failed: {why}", kind.title());
-                match kind {
-                    JobKind::Load => self.open_failed(text),
-                    _ => self.fail(text),
-                }
-            }
+            Message::Failed(kind, why) => self.job_failed(kind, &format!("failed: {why}")),
             Message::Changed(path) if self.is_of_look(&path) => self.own_files_changed = true,
             Message::Changed(path) => {
                 self.log.note(format!("{} changed on disk", path.display()));
                 self.changed = Some(path);
             }
+        }
+    }
+
+    fn job_failed(&mut self, kind: JobKind, how: &str) {
+        let text = format!("{} {how}", kind.title());
+        match kind {
+            JobKind::Load => self.open_failed(text),
+            _ => self.fail(text),
         }
     }
 
@@ -718,8 +706,7 @@ impl Document {
         self.shade_edges(&original);
         self.start_preview(&original);
         self.make_levels(&original);
-        self.inspect(&original);
-        self.find_flaws(&original);
+        self.find(&original);
         self.measure(&original);
     }
 
@@ -739,18 +726,5 @@ impl Document {
 
     fn simplify(&mut self, original: ShownModel<Original>, how: Simplification) {
         self.worker.submit(Job::Simplify { original, how });
-    }
-
-    fn inspect(&mut self, original: &ShownModel<Original>) {
-        if !self.wants_topology || self.worker.is_busy(JobKind::Inspect) || self.is_outdated() {
-            return;
-        }
-        let [one, two] = self.topologies().map(|a| a.is_some());
-        let result = self.lighter.as_ref().filter(|l| !two && l.content.report.is_some()).cloned();
-        if !one {
-            self.worker.submit(Job::Inspect { original: original.clone(), result: None });
-        } else if result.is_some() {
-            self.worker.submit(Job::Inspect { original: original.clone(), result });
-        }
     }
 }

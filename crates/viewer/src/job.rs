@@ -172,8 +172,8 @@ impl From<AssetError> for Failure {
     }
 }
 
-struct Shared {
-    queue: Mutex<Queue>,
+struct Shared<M> {
+    queue: Mutex<Queue<M>>,
     ready: Condvar,
     done: AtomicU32,
     stage: Mutex<&'static str>,
@@ -181,22 +181,27 @@ struct Shared {
 }
 
 type Work<M> = Box<dyn FnOnce(&mut JobControl) -> Option<M> + Send>;
-/// Closures of waiting jobs, by job number.
-type Waiting<M> = Mutex<Vec<(u64, Work<M>)>>;
 
-struct Queue {
-    /// Waiting jobs with their numbers; their closures are in [`Waiting`].
-    waiting: VecDeque<(JobKind, u64)>,
+struct Queue<M> {
+    waiting: VecDeque<(JobKind, Work<M>)>,
     running: Option<(JobKind, Arc<AtomicBool>)>,
     watched: Vec<(PathBuf, Option<SystemTime>)>,
     is_ending: bool,
-    next: u64,
+}
+
+impl<M> Queue<M> {
+    /// Removes waiting jobs of some kinds, and cancels the running one.
+    fn cancel(&mut self, is_cancelled: impl Fn(JobKind) -> bool) {
+        self.waiting.retain(|(kind, _)| !is_cancelled(*kind));
+        if let Some((_, stop)) = self.running.as_ref().filter(|(kind, _)| is_cancelled(*kind)) {
+            stop.store(true, Ordering::Relaxed);
+        }
+    }
 }
 
 /// Worker thread with its queue and the channel of its results.
 pub struct Worker<M> {
-    shared: Arc<Shared>,
-    work: Arc<Waiting<M>>,
+    shared: Arc<Shared<M>>,
     results: Receiver<Message<M>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -224,8 +229,7 @@ const FILE_CHECK_INTERVAL: Duration = Duration::from_millis(1000);
 impl<M: Send + 'static> Worker<M> {
     /// Starts the thread. `wake` is called when there is a message or progress.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
-        let queue =
-            Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false, next: 0 };
+        let queue = Queue { waiting: VecDeque::new(), running: None, watched: Vec::new(), is_ending: false };
         let shared = Arc::new(Shared {
             queue: Mutex::new(queue),
             ready: Condvar::new(),
@@ -233,51 +237,26 @@ impl<M: Send + 'static> Worker<M> {
             stage: Mutex::new(""),
             wake: Box::new(wake),
         });
-        let work = Arc::new(Mutex::new(Vec::new()));
         let (sender, results) = channel();
-        let (its_shared, its_work) = (shared.clone(), work.clone());
+        let its_shared = shared.clone();
         let thread = std::thread::Builder::new()
             .name("worker".to_owned())
-            .spawn(move || run(&its_shared, &its_work, &sender))
+            .spawn(move || run(&its_shared, &sender))
             .ok();
-        Self { shared, work, results, thread }
+        Self { shared, results, thread }
     }
 
     /// Queues a job. Obsolete jobs are removed, or cancelled if they run.
     pub fn submit(&self, kind: JobKind, work: impl FnOnce(&mut JobControl) -> Option<M> + Send + 'static) {
         let mut queue = lock(&self.shared.queue);
-        let mut all = lock(&self.work);
-        queue.waiting.retain(|(old, number)| {
-            let stays = !old.is_obsoleted_by(kind);
-            if !stays {
-                all.retain(|(n, _)| n != number);
-            }
-            stays
-        });
-        if let Some((_, stop)) = queue.running.as_ref().filter(|r| r.0.is_obsoleted_by(kind)) {
-            stop.store(true, Ordering::Relaxed);
-        }
-        let number = queue.next;
-        queue.next += 1;
-        all.push((number, Box::new(work)));
-        queue.waiting.push_back((kind, number));
+        queue.cancel(|old| old.is_obsoleted_by(kind));
+        queue.waiting.push_back((kind, Box::new(work)));
         self.shared.ready.notify_one();
     }
 
     /// Cancels running and waiting jobs of these kinds.
     pub fn cancel(&self, kinds: &[JobKind]) {
-        let mut queue = lock(&self.shared.queue);
-        let mut all = lock(&self.work);
-        queue.waiting.retain(|(kind, number)| {
-            let stays = !kinds.contains(kind);
-            if !stays {
-                all.retain(|(n, _)| n != number);
-            }
-            stays
-        });
-        if let Some((_, stop)) = queue.running.as_ref().filter(|r| kinds.contains(&r.0)) {
-            stop.store(true, Ordering::Relaxed);
-        }
+        lock(&self.shared.queue).cancel(|kind| kinds.contains(&kind));
     }
 
     /// Watches these files: a change sends [`Message::Changed`].
@@ -325,10 +304,7 @@ impl<M> Drop for Worker<M> {
     fn drop(&mut self) {
         let mut queue = lock(&self.shared.queue);
         queue.is_ending = true;
-        queue.waiting.clear();
-        if let Some((_, stop)) = &queue.running {
-            stop.store(true, Ordering::Relaxed);
-        }
+        queue.cancel(|_| true);
         drop(queue);
         self.shared.ready.notify_all();
         // File readers cannot be cancelled, so the window does not wait for them.
@@ -338,7 +314,7 @@ impl<M> Drop for Worker<M> {
     }
 }
 
-fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>) {
+fn run<M: Send + 'static>(shared: &Arc<Shared<M>>, results: &Sender<Message<M>>) {
     loop {
         let mut queue = lock(&shared.queue);
         let next = loop {
@@ -357,10 +333,7 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
                 if timeout.timed_out() { check_watched_files(shared, queue, results) } else { queue }
             };
         };
-        let Some((kind, number)) = next else { continue };
-        let mut all = lock(work);
-        let Some(job) = all.iter().position(|w| w.0 == number).map(|at| all.remove(at).1) else { continue };
-        drop(all);
+        let Some((kind, job)) = next else { continue };
         let is_stopped = Arc::new(AtomicBool::new(false));
         queue.running = Some((kind, is_stopped.clone()));
         drop(queue);
@@ -394,10 +367,10 @@ fn run<M>(shared: &Arc<Shared>, work: &Waiting<M>, results: &Sender<Message<M>>)
 
 /// Checks the watched files. The queue is not locked during the check, since a disk may be slow.
 fn check_watched_files<'a, M>(
-    shared: &'a Shared,
-    queue: MutexGuard<'a, Queue>,
+    shared: &'a Shared<M>,
+    queue: MutexGuard<'a, Queue<M>>,
     results: &Sender<Message<M>>,
-) -> MutexGuard<'a, Queue> {
+) -> MutexGuard<'a, Queue<M>> {
     let mut watched = queue.watched.clone();
     drop(queue);
     for changed in changes(&mut watched) {
