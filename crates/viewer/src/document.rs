@@ -49,7 +49,7 @@ use crate::settings::up_axis::UpAxis;
 pub use engine::Engine;
 use jobs::{Job, Measured, Outcome, READING};
 use page_queue::PageQueue;
-use queue::JobQueue;
+use queue::{JobQueue, ThreadQueue};
 pub use stage::StageLevel;
 
 /// The last difference picture, and models prepared for the next.
@@ -74,9 +74,9 @@ type OfSides<T> = [Option<(usize, T)>; 2];
 pub struct Document {
     settings: Settings,
     history: History,
-    worker: JobQueue,
+    worker: Box<dyn JobQueue>,
     /// A second worker for progressive meshes, so that other jobs do not wait for them.
-    builder: JobQueue,
+    builder: Box<dyn JobQueue>,
     context: Option<Context>,
     original: Option<ShownModel<Original>>,
     lighter: Option<ShownModel<Lighter>>,
@@ -153,26 +153,24 @@ impl Document {
     pub fn new(context: Option<Context>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let wake = Arc::new(wake);
         let [one, two] = [wake.clone(), wake];
-        let [worker, builder] = [
-            JobQueue::on_thread(context.clone(), move || one()),
-            JobQueue::on_thread(context.clone(), move || two()),
-        ];
-        Self::with(context, worker, builder)
+        let worker = ThreadQueue::new(context.clone(), move || one());
+        let builder = ThreadQueue::new(context.clone(), move || two());
+        Self::with(context, Box::new(worker), Box::new(builder))
     }
 
     /// Creates an empty document whose work is done by workers of a page. `wake` is called when there is a new
     /// result or progress.
     pub fn on_page(context: Option<Context>, page: &Rc<dyn BrowserPage>, wake: impl Fn() + 'static) -> Self {
         let wake: Rc<dyn Fn()> = Rc::new(wake);
-        let [worker, builder] = [(); 2]
-            .map(|()| JobQueue::Page(Box::new(PageQueue::new(page.clone(), context.clone(), wake.clone()))));
+        let queue = || Box::new(PageQueue::new(page.clone(), context.clone(), wake.clone()));
+        let (worker, builder) = (queue(), queue());
         let mut new = Self::with(context, worker, builder);
         // Only files that the user handed over are there.
         new.assets = AssetScope::Anywhere;
         new
     }
 
-    fn with(context: Option<Context>, worker: JobQueue, builder: JobQueue) -> Self {
+    fn with(context: Option<Context>, worker: Box<dyn JobQueue>, builder: Box<dyn JobQueue>) -> Self {
         Self {
             settings: Settings::default(),
             history: History::default(),

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::jobs::Job;
-use super::queue::JobQueue;
 use super::{DifferenceState, Document};
 use crate::content::difference::{DifferencePicture, DifferenceView};
 use crate::job::JobKind;
@@ -24,8 +23,8 @@ impl Document {
         if is_busy || self.difference.asked.as_ref() == Some(&view) || !self.has_difference_view() {
             return;
         }
-        // A worker of a page does not have the levels of the slider, but makes the exact result that follows.
-        if matches!(self.worker, JobQueue::Page(_)) && view.lighter.report.is_none() {
+        // A worker of a page makes the exact result that follows.
+        if self.worker.is_elsewhere() && view.lighter.report.is_none() {
             return;
         }
         self.difference.asked = Some(view.clone());

@@ -9,6 +9,7 @@ use lodsmith::Stage;
 use web_time::{Duration, Instant};
 
 use super::jobs::{Job, Outcome, PREPARING, READING};
+use super::queue::JobQueue;
 use super::wire::WrittenFile;
 use crate::gpu::Context;
 use crate::job::{JobControl, JobKind, Message, Progress};
@@ -49,48 +50,10 @@ impl PageQueue {
         Self { page, context, wake, state: RefCell::default() }
     }
 
-    /// As [`JobQueue::submit`](super::JobQueue::submit).
-    pub(super) fn submit(&self, job: Job) {
-        let kind = job.kind();
-        let mut state = self.state.borrow_mut();
-        state.waiting.retain(|old| !old.kind().is_obsoleted_by(kind));
-        if let Some(running) = state.running.as_mut().filter(|r| r.job.kind().is_obsoleted_by(kind)) {
-            // Each change of level builds on the one before.
-            running.is_dropped |= kind != JobKind::Level;
-        }
-        state.waiting.push(job);
-        self.go_on(&mut state);
-    }
-
     /// Does a job at once, without a worker.
-    pub(super) fn do_here(&self, job: Job) {
+    fn do_here(&self, job: Job) {
         let outcome = job.run(self.context.as_ref(), &mut JobControl::new(|_, _| true));
         self.state.borrow_mut().ready.extend(outcome.map(Message::Done));
-    }
-
-    /// As [`JobQueue::cancel`](super::JobQueue::cancel).
-    pub(super) fn cancel(&self, kinds: &[JobKind]) {
-        let mut state = self.state.borrow_mut();
-        state.waiting.retain(|job| !kinds.contains(&job.kind()));
-        if let Some(running) = state.running.as_mut().filter(|r| kinds.contains(&r.job.kind())) {
-            running.is_dropped = true;
-        }
-        self.go_on(&mut state);
-    }
-
-    /// As [`JobQueue::stop`](super::JobQueue::stop). A running job ends with its worker.
-    pub(super) fn stop(&self, kinds: &[JobKind]) {
-        self.cancel(kinds);
-        let mut state = self.state.borrow_mut();
-        if state.running.as_ref().is_some_and(|r| kinds.contains(&r.job.kind())) {
-            state.end_worker();
-        }
-        self.go_on(&mut state);
-    }
-
-    /// As [`JobQueue::end_worker`](super::JobQueue::end_worker).
-    pub(super) fn end_worker(&self) {
-        self.state.borrow_mut().end_worker();
     }
 
     /// Starts the next job if none runs.
@@ -118,8 +81,59 @@ impl PageQueue {
         }
     }
 
-    /// As [`JobQueue::poll`](super::JobQueue::poll).
-    pub(super) fn poll(&self) -> Option<Message<Outcome>> {
+    /// Offers the files of an export: one as it is, several in one folder.
+    fn save(&self, path: &Path, files: Vec<WrittenFile>) {
+        match files.as_slice() {
+            [file] => self.page.save(&file.name, &file.bytes),
+            files => {
+                let stem = path.file_stem().map_or("lodsmith".into(), |s| s.to_string_lossy());
+                let all: Vec<_> = files.iter().map(|f| (f.name.as_str(), f.bytes.as_slice())).collect();
+                self.page.save_all(&stem, &all);
+            }
+        }
+    }
+}
+
+impl JobQueue for PageQueue {
+    fn submit(&self, job: Job) {
+        // The buffers are in this process.
+        if matches!(job, Job::Shade { .. }) {
+            return self.do_here(job);
+        }
+        let kind = job.kind();
+        let mut state = self.state.borrow_mut();
+        state.waiting.retain(|old| !old.kind().is_obsoleted_by(kind));
+        if let Some(running) = state.running.as_mut().filter(|r| r.job.kind().is_obsoleted_by(kind)) {
+            // Each change of level builds on the one before.
+            running.is_dropped |= kind != JobKind::Level;
+        }
+        state.waiting.push(job);
+        self.go_on(&mut state);
+    }
+
+    fn cancel(&self, kinds: &[JobKind]) {
+        let mut state = self.state.borrow_mut();
+        state.waiting.retain(|job| !kinds.contains(&job.kind()));
+        if let Some(running) = state.running.as_mut().filter(|r| kinds.contains(&r.job.kind())) {
+            running.is_dropped = true;
+        }
+        self.go_on(&mut state);
+    }
+
+    fn stop(&self, kinds: &[JobKind]) {
+        self.cancel(kinds);
+        let mut state = self.state.borrow_mut();
+        if state.running.as_ref().is_some_and(|r| kinds.contains(&r.job.kind())) {
+            state.end_worker();
+        }
+        self.go_on(&mut state);
+    }
+
+    fn end_worker(&self) {
+        self.state.borrow_mut().end_worker();
+    }
+
+    fn poll(&self) -> Option<Message<Outcome>> {
         let mut state = self.state.borrow_mut();
         while let Some(message) = state.worker.as_ref().and_then(|worker| worker.poll()) {
             match message {
@@ -152,34 +166,23 @@ impl PageQueue {
         state.ready.pop_front()
     }
 
-    /// Offers the files of an export: one as it is, several in one folder.
-    fn save(&self, path: &Path, files: Vec<WrittenFile>) {
-        match files.as_slice() {
-            [file] => self.page.save(&file.name, &file.bytes),
-            files => {
-                let stem = path.file_stem().map_or("lodsmith".into(), |s| s.to_string_lossy());
-                let all: Vec<_> = files.iter().map(|f| (f.name.as_str(), f.bytes.as_slice())).collect();
-                self.page.save_all(&stem, &all);
-            }
-        }
-    }
-
-    /// As [`JobQueue::progress`](super::JobQueue::progress).
-    pub(super) fn progress(&self) -> Option<Progress> {
+    fn progress(&self) -> Option<Progress> {
         self.state.borrow().running.as_ref().filter(|r| !r.is_dropped).map(|r| r.progress)
     }
 
-    /// As [`JobQueue::is_busy`](super::JobQueue::is_busy).
-    pub(super) fn is_busy(&self, kind: JobKind) -> bool {
+    fn is_busy(&self, kind: JobKind) -> bool {
         let state = self.state.borrow();
         state.waiting.iter().any(|job| job.kind() == kind)
             || state.running.as_ref().is_some_and(|r| r.job.kind() == kind && !r.is_dropped)
     }
 
-    /// As [`JobQueue::is_idle`](super::JobQueue::is_idle).
-    pub(super) fn is_idle(&self) -> bool {
+    fn is_idle(&self) -> bool {
         let state = self.state.borrow();
         state.waiting.is_empty() && state.running.is_none() && state.ready.is_empty()
+    }
+
+    fn is_elsewhere(&self) -> bool {
+        true
     }
 }
 
