@@ -1,5 +1,4 @@
-//! Options of a run. No defaults are defined elsewhere: command, viewer and bindings convert into these
-//! types.
+//! Options of a run. All defaults are defined here: command, viewer and bindings convert to these types.
 
 pub mod by_name;
 mod check;
@@ -28,8 +27,8 @@ pub enum Placement {
     /// At the point of least cost.
     #[default]
     Optimal,
-    /// At the better of the two ends: the vertices of the result are a subset of the input's, attributes
-    /// included.
+    /// At the better of the two ends: the vertices of the result, with their attributes, are a subset of the
+    /// vertices of the input.
     Endpoint,
     /// At the midpoint of the edge.
     Midpoint,
@@ -54,9 +53,9 @@ pub enum BorderPolicy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TopologyPolicy {
-    /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not rise. Handles
+    /// The counts of non-manifold edges, border edges, flipped faces and duplicate faces do not increase. Handles
     /// and necks are cut and whole parts removed, cheapest first, only if the target cannot be met otherwise
-    /// or the result would be measurably farther off; each is counted.
+    /// or the result would be measurably farther from the input; each is counted.
     #[default]
     Relaxed,
     /// Manifold stays manifold; holes, handles and parts are kept.
@@ -66,13 +65,13 @@ pub enum TopologyPolicy {
     Free,
 }
 
-/// A length in the units of the mesh, or as a share of the diagonal of its bounding box.
+/// A length in the units of the mesh, or as a fraction of the diagonal of its bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Length {
     /// In the units of the mesh.
     Units(f64),
-    /// A share of the diagonal: 0.001 is a tenth of a per cent.
+    /// A fraction of the diagonal: 0.001 is 0.1 %.
     OfDiagonal(f64),
 }
 
@@ -96,11 +95,11 @@ pub struct Stop {
     pub vertices: Option<usize>,
     /// Stops at this fraction of the triangles, above 0 and up to 1.
     pub ratio: Option<f64>,
-    /// Stops at the lightest level that stays within this distance of the input, in the sense of
+    /// Stops at the coarsest level that stays within this distance of the input, in the sense of
     /// [`SimplifyOptions::bound`].
     ///
-    /// The levels are the results of runs to fixed counts, each 5 % below the one before, whatever the
-    /// distance: a larger distance never gives more triangles.
+    /// The levels are the results of runs to fixed counts, each 5 % below the previous count. They do not depend on
+    /// the distance: a larger distance never gives more triangles.
     pub error: Option<Length>,
 }
 
@@ -123,20 +122,20 @@ impl Stop {
     }
 }
 
-/// Limits on the shape of the result, each off by default. A collapse that would exceed one is refused and
+/// Limits on the shape of the result, each off by default. A collapse that would exceed a limit is refused and
 /// counted; the [fit](SimplifyOptions::fit) moves vertices only as far as the limits allow. Faces and edges
-/// that exceed a limit in the input may stay, but do not get worse.
+/// that exceed a limit in the input may remain, but do not get worse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Guards {
     /// Largest rotation of a face normal by one collapse, and by the fit, in degrees.
     pub max_normal_deg: Option<f64>,
-    /// Minimum quality of a new face: 1 is equilateral, 0 flat. Where a face was worse, new faces may be as
+    /// Minimum quality of a new face: 1 is equilateral, 0 flat. If a face was worse before, new faces may be as
     /// bad, but not worse.
     pub min_quality: Option<f64>,
     /// Largest number of edges at a merged vertex. A merged vertex may have as many as either of its two ends
     /// had.
     pub max_valence: Option<usize>,
-    /// Largest length of an edge. An edge that is longer already may move, but does not get longer.
+    /// Largest length of an edge. An edge that is longer in the input may move, but does not get longer.
     pub max_edge: Option<Length>,
 }
 
@@ -170,16 +169,16 @@ impl Default for AttributeWeights {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Preset {
-    /// All options at their defaults: the least distance.
+    /// All options at their defaults: the smallest distance.
     #[default]
     Auto,
-    /// Noisy scans: normals are ignored, and vertices that rounding separated are merged.
+    /// Noisy scans: normals are ignored, and vertices that differ by rounding are merged.
     Scan,
     /// Machine parts: borders slide along themselves; holes and parts are kept.
     Cad,
-    /// For display: normals count more, and shape normals count where the mesh has none.
+    /// For display: normals have more weight; a mesh without normals is treated as if it had the normals of its shape.
     Visual,
-    /// For printing: closed stays closed, holes and parts are kept, attributes are ignored.
+    /// For 3D printing: closed surfaces stay closed, holes and parts are kept, attributes are ignored.
     Print,
 }
 
@@ -190,11 +189,11 @@ pub enum Bound {
     /// [`Bound::TwoSided`] with a stop at an error, otherwise [`Bound::Estimate`].
     #[default]
     Auto,
-    /// No guarantee: a stop at an error is kept as far as samples show.
+    /// No guarantee: a stop at an error is only checked with samples.
     Estimate,
     /// No point of the result lies farther from the input than the bound. Details of the input may be lost.
     OneSided,
-    /// No point of the result lies farther from the input than the bound, and no point of the input farther
+    /// No point of the result lies farther from the input than the bound, and no point of the input lies farther
     /// from the result.
     TwoSided,
 }
@@ -210,15 +209,15 @@ pub enum Measure {
     Always,
 }
 
-/// Settings of one quick pass, for the calls of the C interface that replace another library's: no late
-/// phase, no search and no proposals.
+/// Settings of one quick pass, for the functions of the C interface that replace functions of another library: no
+/// late phase, no search and no proposals.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct QuickPass {
-    /// Estimate of the RMS distance at which the pass ends, if its count is not reached before.
+    /// Estimate of the RMS distance at which the pass ends, if its target count is not reached before.
     pub max_estimate: Option<Length>,
-    /// Weight of the squared step of a vertex along the surface, against the squared distance from it: above 0, faces
-    /// are more regular.
+    /// Weight of the squared displacement of a vertex along the surface, relative to the squared distance from it:
+    /// above 0, faces are more regular.
     pub move_weight: f32,
 }
 
@@ -246,26 +245,26 @@ pub struct SimplifyOptions {
     pub sharp_deg: Option<f64>,
     /// Weights of attributes and borders in the cost.
     pub weights: AttributeWeights,
-    /// Guarantee on the largest distance: it defines the bound in the report, and the distance that a stop at
-    /// an error is compared with.
+    /// Guarantee on the largest distance: it defines the bound in the report, and the distance that is compared
+    /// with a stop at an error.
     pub bound: Bound,
     /// Measurement of the result.
     pub measure: Measure,
-    /// Vertices closer than this are merged first. Vertices at equal positions always are; without this
-    /// option, so are vertices of borders that differ by rounding ([`simplify`](crate::simplify()) has the
+    /// Vertices closer than this are merged first. Vertices at equal positions are always merged; without this
+    /// option, border vertices that differ by rounding are merged too ([`simplify`](crate::simplify()) has the
     /// tolerance).
     pub weld: Option<Length>,
     /// Connected parts whose bounding box has a smaller diagonal than this are removed first; the largest
-    /// part is always kept. Distances are measured from the remaining parts. A share is of the diagonal of
+    /// part is always kept. Distances are measured from the remaining parts. A fraction refers to the diagonal of
     /// the whole input.
     pub prune: Option<Length>,
-    /// Tries pairs and looser topology policies in turn if the target is out of reach. Borders and guards are
-    /// kept.
+    /// If the target is not reached, tries pairs and looser topology policies one after the other. The border policy
+    /// and the guards are kept.
     pub escalate: bool,
     /// For scenes: the stop applies to each mesh separately, instead of all instances of all meshes together.
     pub per_mesh: bool,
-    /// Counts the shape normals of the surface in the cost if the mesh has no normals. The result does not
-    /// carry them. (In a scene, if no mesh has any.)
+    /// If the mesh has no normals, normals of its shape count in the cost; the result does not have them. (In a
+    /// scene: if no mesh has normals.)
     pub shape_normals: bool,
     /// Makes one quick pass, if set.
     #[doc(hidden)]
@@ -275,7 +274,7 @@ pub struct SimplifyOptions {
 }
 
 impl SimplifyOptions {
-    /// Returns true if a run has an end: a target, or a method that ends by itself with its options.
+    /// Returns true if the options have a target, or if the method ends by itself with its options.
     pub fn has_end(&self) -> bool {
         self.stop != Stop::default() || self.method.ends_without_stop()
     }
@@ -284,7 +283,7 @@ impl SimplifyOptions {
     pub fn new(stop: Stop) -> Self {
         Self { stop, ..Self::default() }
     }
-    /// Converts all lengths to units; shares are of `diagonal`.
+    /// Converts all lengths to units; fractions refer to `diagonal`.
     pub(crate) fn lengths_to_units(&mut self, diagonal: f64) {
         let of_run = [&mut self.stop.error, &mut self.guards.max_edge, &mut self.weld, &mut self.prune];
         for length in of_run.into_iter().flatten().chain(self.method.lengths_mut()) {
@@ -327,8 +326,8 @@ impl SimplifyOptions {
     }
 }
 
-/// Share of the diagonal within which vertices of scans are merged. (Guessed: about the rounding of single
-/// precision.)
+/// Distance within which vertices of scans are merged, as a fraction of the diagonal. (Guessed: about the rounding of
+/// single precision.)
 const SCAN_WELD: f64 = 1e-6;
 /// Weight of normals in [`Preset::Visual`]. (docs/decisions/0013)
 const VISUAL_NORMAL: f64 = 2.0;

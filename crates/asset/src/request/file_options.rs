@@ -163,7 +163,7 @@ impl JobOption {
             Self::Engine(option) => {
                 let text = value.to_string_lossy();
                 let checked = option.kind.parse(&OptionValue::Text(text));
-                checked.map(drop).map_err(|_| format!("{} is expected", option.kind.wanted()))
+                checked.map(drop).map_err(|_| format!("{} is expected", option.kind.expected()))
             }
             Self::File(option) => (option.set)(&mut FileOptions::default(), value),
         }

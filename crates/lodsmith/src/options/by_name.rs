@@ -1,7 +1,7 @@
-//! The options by their names on the command line.
+//! Options by their names on the command line.
 //!
-//! The command, the viewer and the bindings take names, kinds, ranges, help texts and defaults from one table, and read
-//! and set values by it.
+//! The command, the viewer and the bindings use one table for names, kinds, ranges, help texts and defaults, and to
+//! read and set values.
 //!
 //! ```
 //! use lodsmith::options::by_name::{OptionValue, find, from_names};
@@ -38,15 +38,15 @@ pub enum OptionError {
         /// The most similar name of an option, if any is similar.
         nearest: Option<&'static str>,
     },
-    /// The value does not suit the option.
+    /// The option does not take the value.
     #[error("{option}: {why}")]
     Value {
         /// Name of the option.
         option: &'static str,
-        /// The values that it takes, and the one given.
+        /// The permitted values, and the given value.
         why: String,
     },
-    /// The method does not have the option ([`SimplifyError::NotOfMethod`]), or another one excludes it
+    /// The method does not have the option ([`SimplifyError::NotOfMethod`]), or another option excludes it
     /// ([`SimplifyError::NotTogether`]).
     #[error(transparent)]
     Combination(SimplifyError),
@@ -65,11 +65,12 @@ pub fn find(name: &str) -> Option<&'static NamedOption> {
     OPTIONS.iter().find(|o| is_same(o.name))
 }
 
-/// Returns options with these values. The preset is applied first and the method second, wherever they are in the list.
+/// Returns options with these values. The preset is applied first and the method second, whatever their positions in
+/// the list.
 ///
 /// # Errors
-/// [`OptionError`] for a name that is not an option, a value that is not of its kind or out of range, an option that the
-/// method does not have, or two that exclude each other.
+/// [`OptionError`] for an unknown name, a value of another kind or out of range, an option that the method does not
+/// have, or two options that exclude each other.
 pub fn from_names(given: &[(&str, OptionValue<'_>)]) -> Result<SimplifyOptions, OptionError> {
     let mut all = Vec::with_capacity(given.len());
     for (name, value) in given {
@@ -91,14 +92,15 @@ pub fn from_names(given: &[(&str, OptionValue<'_>)]) -> Result<SimplifyOptions, 
     Ok(options)
 }
 
-/// Returns the options that differ from others, with their values; those that are off there and on in the others have no
-/// value. The preset is not among them.
+/// Returns the options that differ between `options` and `others`, with their values in `options` (`None` if they are
+/// off there), except the preset.
 pub fn differences<'o>(
     options: &'o SimplifyOptions,
     others: &'o SimplifyOptions,
 ) -> impl Iterator<Item = (&'static NamedOption, Option<OptionValue<'static>>)> + 'o {
-    let is_own = |option: &&NamedOption| option.name != "preset" && option.get(options) != option.get(others);
-    OPTIONS.iter().filter(is_own).map(|option| (option, option.get(options)))
+    let differs =
+        |option: &&NamedOption| option.name != "preset" && option.get(options) != option.get(others);
+    OPTIONS.iter().filter(differs).map(|option| (option, option.get(options)))
 }
 
 /// Sets the default of an option, or turns it off if it is off by default; all others stay. `preset` and `method` stay
@@ -117,16 +119,16 @@ pub fn reset(option: &NamedOption, options: &mut SimplifyOptions) {
     *options = new;
 }
 
-/// Returns the name that is most similar to a misspelt one, if any is.
+/// Returns the name that is most similar to a misspelt name; `None` if no name is similar.
 pub fn nearest<'n>(misspelt: &str, names: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
-    let wanted = misspelt.to_ascii_lowercase().replace('_', "-");
-    let rated = names.into_iter().map(|name| (edits(&wanted, &name.replace('_', "-")), name));
-    // More than a third of the letters changed is another word. (Guessed.)
-    let most = wanted.chars().count().div_ceil(3);
-    rated.filter(|(edits, _)| *edits <= most).min_by_key(|(edits, _)| *edits).map(|(_, name)| name)
+    let misspelt = misspelt.to_ascii_lowercase().replace('_', "-");
+    let rated = names.into_iter().map(|name| (edits(&misspelt, &name.replace('_', "-")), name));
+    // If more than a third of the letters differ, it is another word. (Guessed.)
+    let max_edits = misspelt.chars().count().div_ceil(3);
+    rated.filter(|(edits, _)| *edits <= max_edits).min_by_key(|(edits, _)| *edits).map(|(_, name)| name)
 }
 
-/// Returns the number of letters to insert, delete or replace to turn one word into the other.
+/// Returns the edit distance: the number of letters to insert, delete or replace to turn one word into the other.
 fn edits(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();
@@ -146,7 +148,7 @@ mod tests {
     use super::*;
     use crate::options::{BorderPolicy, Method, MethodKind, Preset, Stop};
 
-    /// Returns options with a value other than the default, and with the method that has the option.
+    /// Returns options with a value of one option other than the default, and with a method that has the option.
     fn changed(option: &NamedOption) -> SimplifyOptions {
         let value = match option.kind {
             OptionKind::Count(_) | OptionKind::Seed => OptionValue::Whole(7),
@@ -172,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_set_is_read_and_comes_back_as_text() {
+    fn values_can_be_read_back_and_converted_to_text() {
         for option in OPTIONS {
             let options = changed(option);
             let method = option.methods.first().copied().unwrap_or_default();
@@ -185,7 +187,7 @@ mod tests {
             assert_eq!(all, [option.name]);
             let text = option.get(&options).expect("it is set").text();
             let mut again = base.clone();
-            option.set(&mut again, &text.as_str().into()).expect("a text of its own");
+            option.set(&mut again, &text.as_str().into()).expect("a text of the option");
             assert_eq!(again, options, "{}: {text}", option.name);
             if option.name != "method" {
                 (again.seed, again.shape_normals) = (8, true);
@@ -247,20 +249,20 @@ mod tests {
 
     #[test]
     fn a_preset_comes_first() {
-        let words = [("border", "keep".into()), ("preset", "cad".into())];
-        let options = from_names(&words).expect("two words");
-        let mut wanted = SimplifyOptions::preset(Preset::Cad, Stop::default());
-        wanted.border = BorderPolicy::Keep;
-        assert_eq!(options, wanted);
+        let given = [("border", "keep".into()), ("preset", "cad".into())];
+        let options = from_names(&given).expect("valid options");
+        let mut expected = SimplifyOptions::preset(Preset::Cad, Stop::default());
+        expected.border = BorderPolicy::Keep;
+        assert_eq!(options, expected);
         let scan =
-            from_names(&[("weld", OptionValue::Whole(0)), ("preset", "scan".into())]).expect("two words");
+            from_names(&[("weld", OptionValue::Whole(0)), ("preset", "scan".into())]).expect("valid options");
         assert_eq!(scan.weld, None);
         let method = from_names(&[("iterations", OptionValue::Whole(2)), ("method", "unsubdivide".into())]);
-        assert_eq!(method.expect("two words").method, Method::Unsubdivide { levels: Some(2) });
+        assert_eq!(method.expect("valid options").method, Method::Unsubdivide { levels: Some(2) });
     }
 
     #[test]
-    fn wrong_names_and_values_are_named() {
+    fn errors_name_the_wrong_option_or_value() {
         let error = |name, value| from_names(&[(name, value)]).expect_err("wrong").to_string();
         assert_eq!(
             error("max_norml", OptionValue::Number(3.0)),

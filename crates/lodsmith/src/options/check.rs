@@ -1,4 +1,4 @@
-//! Ranges of options.
+//! Checks of option values against their ranges.
 
 use super::by_name::{LengthRange, OPTIONS, OptionKind, OptionValue};
 use super::{Length, SimplifyOptions};
@@ -6,7 +6,8 @@ use crate::SimplifyError;
 use crate::input::MeshData;
 
 impl SimplifyOptions {
-    /// Returns an error if a value is out of range, or an option or the data of the mesh are not for the method.
+    /// Returns an error if a value is out of range, or if the method does not have an option or does not take the data
+    /// of the mesh.
     pub(crate) fn check(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
         for option in OPTIONS {
             let Some(value) = option.get(self) else { continue };
@@ -25,7 +26,7 @@ impl SimplifyOptions {
     }
 }
 
-/// Returns the range and a number that is not in it. (Any count of elements is taken.)
+/// Returns the range and the number if a value is out of range. (Every count of elements is in range.)
 fn out_of_range(kind: OptionKind, value: &OptionValue<'_>) -> Option<(&'static str, f64)> {
     match (kind, value) {
         (OptionKind::Ratio, OptionValue::Number(x)) => {

@@ -1,4 +1,4 @@
-//! Methods of simplification, each with the options that it alone has.
+//! Methods of simplification, each with its own options.
 
 use super::Length;
 
@@ -29,7 +29,7 @@ pub enum MethodKind {
     Remesh,
 }
 
-/// Method of simplification, with the options that only this method has. Those that are `None` have a default or
+/// Method of simplification, with the options that only this method has. Options that are `None` have a default or
 /// follow from the stop.
 ///
 /// ```
@@ -43,19 +43,19 @@ pub enum MethodKind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Method {
-    /// Edge collapse by the tensors of the present star, and a final fit: the default. After the finding of
+    /// Edge collapse by the tensors of the current star, and a final fit: the default. Based on the finding of
     /// [Lindstrom-Turk 1998] that costs without memory are better.
     Memoryless {
-        /// Pairs of vertices closer than this that share no edge are contracted too. A second run without pairs
-        /// is made, and its result is taken if it alone meets the stop or is closer by a quarter.
+        /// Pairs of vertices closer than this that share no edge are contracted too. A second run is made without
+        /// pairs; its result is used if only that run meets the stop, or if it is closer by a quarter.
         pairs: Option<Length>,
     },
     /// Edge collapse by accumulated plane quadrics, weighted by area. [Garland-Heckbert 1997]
     Quadric {
-        /// As of [`Method::Memoryless`].
+        /// As for [`Method::Memoryless`].
         pairs: Option<Length>,
     },
-    /// Edge collapse that preserves volume and borders, judged by the present surface alone.
+    /// Edge collapse that preserves volume and borders, with a cost from the current surface only.
     /// [Lindstrom-Turk 1998]
     LindstromTurk,
     /// Half-edge collapse by length times curvature, onto vertices of the input. [Melax 1998]
@@ -65,17 +65,17 @@ pub enum Method {
         /// Edges up to this length are collapsed.
         edge_length: Option<Length>,
     },
-    /// One vertex for each cell of a grid. [Rossignac-Borrel 1993] [Lindstrom 2000]
+    /// Vertex clustering: one vertex for each cell of a grid. [Rossignac-Borrel 1993] [Lindstrom 2000]
     Cluster {
         /// Edge length of a cell.
         cell: Option<Length>,
-        /// Clusters only down to a multiple of the stop, then continues with [`Method::Memoryless`].
+        /// Clusters only to a multiple of the stop, then continues with [`Method::Memoryless`].
         two_stage: bool,
     },
-    /// Removal of vertices, nearest to the plane of their neighbours first; the holes are filled.
+    /// Removal of vertices, those nearest to the plane of their neighbours first; the holes are retriangulated.
     /// [Schroeder et al. 1992]
     VertexRemoval {
-        /// Edges with a larger dihedral angle, in degrees, are creases, which are kept.
+        /// Edges with a larger dihedral angle, in degrees, are creases and are preserved.
         crease_deg: Option<f64>,
     },
     /// Coplanar regions are replaced by as few triangles as their outlines need. [Hinker-Hansen 1993]
@@ -87,12 +87,12 @@ pub enum Method {
         /// the simplified outline. By default 2e-7 of the diagonal, or the error of the stop.
         flat: Option<Length>,
     },
-    /// Reverses 4:1 subdivision where the mesh has its pattern. [Taubin 2001]
+    /// Reversal of 4:1 subdivision where the mesh has its pattern. [Taubin 2001]
     Unsubdivide {
         /// Largest number of levels to undo.
         levels: Option<usize>,
     },
-    /// A new mesh on the old surface. [Botsch-Kobbelt 2004]
+    /// A new mesh on the same surface. [Botsch-Kobbelt 2004]
     Remesh(Remesh),
 }
 
@@ -104,21 +104,21 @@ pub enum Remesh {
     OnSurface {
         /// Length of the new edges.
         edge_length: Option<Length>,
-        /// Edges of the input with a larger dihedral angle, in degrees, are creases, which are kept.
+        /// Edges of the input with a larger dihedral angle, in degrees, are creases and are preserved.
         crease_deg: Option<f64>,
-        /// Number of rounds.
+        /// Number of iterations of remeshing.
         rounds: Option<usize>,
-        /// Sizes and connections of the triangles.
+        /// Sizes and connectivity of the triangles.
         pattern: RemeshPattern,
     },
-    /// A closed surface around the input, whatever the state of the input.
+    /// A closed surface around the input, even if the input is open or damaged.
     Voxels {
         /// Edge length of a voxel.
         size: Length,
     },
 }
 
-/// Sizes and connections of new triangles.
+/// Sizes and connectivity of new triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RemeshPattern {
@@ -171,7 +171,7 @@ impl Method {
         self.kind().name()
     }
 
-    /// Returns which method it is, whatever its options.
+    /// Returns the method without its options.
     pub const fn kind(&self) -> MethodKind {
         match self {
             Self::Memoryless { .. } => MethodKind::Memoryless,
@@ -199,17 +199,17 @@ impl Method {
         }
     }
 
-    /// True if an error limit bounds each step of the method, instead of their number.
+    /// True if an error limit bounds each step of the method, instead of the number of steps.
     pub(crate) const fn limits_error_by_step(&self) -> bool {
         matches!(self, Self::Planar { .. } | Self::Unsubdivide { .. })
     }
 
-    /// True if a voxel surface is made: it has nothing of the input left to keep.
+    /// True if a voxel surface is made, which keeps no elements of the input.
     pub(crate) const fn makes_voxels(&self) -> bool {
         matches!(self, Self::Remesh(Remesh::Voxels { .. }))
     }
 
-    /// Returns the largest distance of pairs that are contracted.
+    /// Returns the largest distance of contracted pairs.
     pub(crate) const fn pairs(&self) -> Option<Length> {
         match self {
             Self::Memoryless { pairs } | Self::Quadric { pairs } => *pairs,
@@ -235,7 +235,7 @@ impl Method {
         }
     }
 
-    /// Returns the length of edges that are collapsed, or of new ones.
+    /// Returns the length up to which edges are collapsed, or the length of new edges.
     pub(crate) const fn edge_length(&self) -> Option<Length> {
         match self {
             Self::ShortestEdge { edge_length } | Self::Remesh(Remesh::OnSurface { edge_length, .. }) => {
@@ -245,7 +245,7 @@ impl Method {
         }
     }
 
-    /// Returns the number of rounds of a remesh.
+    /// Returns the number of iterations of a remesh.
     pub(crate) const fn rounds(&self) -> Option<usize> {
         match self {
             Self::Remesh(Remesh::OnSurface { rounds, .. }) => *rounds,

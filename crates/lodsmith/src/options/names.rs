@@ -6,7 +6,7 @@ use super::{BorderPolicy, Bound, Fit, MethodKind, Placement, Preset, TopologyPol
 macro_rules! name_values {
     ($($choice:ident { $($value:ident = $name:literal),+ $(,)? })+) => {$(
         impl $choice {
-            /// All values, in the order of lists.
+            /// All values, in the order in which they are listed.
             pub const ALL: [Self; [$($name),+].len()] = [$(Self::$value),+];
 
             /// Returns the name of the value, as on the command line.

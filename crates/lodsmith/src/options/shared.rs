@@ -1,5 +1,5 @@
-//! Table of the methods that each shared option applies to: setting one that the method does not have is an
-//! error.
+//! Table of the methods that each shared option applies to: setting an option that the method does not have is
+//! an error.
 
 use super::{BorderPolicy, Fit, Guards, Method, MethodKind, Placement, SimplifyOptions, TopologyPolicy};
 use crate::SimplifyError;
@@ -12,15 +12,15 @@ use MethodKind::{
 
 /// Collapse methods whose merged vertex may be placed anywhere.
 const PLACING_METHODS: &[MethodKind] = &[Memoryless, Quadric, LindstromTurk, ShortestEdge];
-/// Methods whose result vertices can be, or are, vertices of the input.
+/// Methods that can place, or always place, all vertices at vertices of the input.
 const SUBSET_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide];
-/// Methods that remove vertices one at a time, and can refuse to.
+/// Methods that remove vertices one at a time, and can refuse a removal.
 const GUARDED_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval];
 /// Edge-collapse methods: they contract one edge or pair at a time, and can be recorded.
 pub(crate) const COLLAPSE_METHODS: &[MethodKind] = &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge];
-/// [`GUARDED_METHODS`], and the method whose regions turn by a limited angle.
+/// [`GUARDED_METHODS`], and `planar`, which limits the angle between a face and its region.
 const NORMAL_GUARDED_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar];
 /// Methods that detect borders.
@@ -28,11 +28,11 @@ const BORDER_METHODS: &[MethodKind] =
     &[Memoryless, Quadric, LindstromTurk, Melax, ShortestEdge, VertexRemoval, Planar, Unsubdivide, Remesh];
 
 impl SimplifyOptions {
-    /// Returns an error unless all options are of the method and compatible with each other.
+    /// Returns an error unless the method has all options and they are compatible with each other.
     pub(super) fn check_method(&self, data: &MeshData<'_>) -> Result<(), SimplifyError> {
         let method = self.method.kind();
         let not = |option, takers| Err(SimplifyError::NotOfMethod { option, takers, method });
-        // A voxel surface has nothing of the input left to keep; a two-stage run ends with collapses.
+        // A voxel surface keeps no elements of the input; a two-stage run ends with collapses.
         let is_voxel = self.method.makes_voxels();
         let takes = |takers: &[MethodKind]| match self.method {
             Method::Cluster { two_stage: true, .. } => takers.contains(&Memoryless),
@@ -64,7 +64,7 @@ impl SimplifyOptions {
         Err(SimplifyError::NotTogether { first: "voxel", second })
     }
 
-    /// Returns the options that most methods share: name, whether it is set, and the methods that have it.
+    /// Returns the options that most methods share: name, whether the option is set, and the methods that have it.
     fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 10] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
@@ -82,7 +82,7 @@ impl SimplifyOptions {
         ]
     }
 
-    /// Returns the options with the placement of the method, if it has one of its own.
+    /// Returns the options with the placement that the method prescribes, if any.
     pub(crate) fn with_own_placement(&self) -> Self {
         let placement = match (self.method.kind(), self.placement) {
             (Melax, _) => Placement::Endpoint,

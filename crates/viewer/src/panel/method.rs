@@ -203,7 +203,7 @@ fn row(ui: &mut Ui, option: &NamedOption, options: &mut SimplifyOptions) {
             (weights != before).then_some(Some(OptionValue::Weights(weights)))
         }
         kind => {
-            let wanted = kind.wanted();
+            let wanted = kind.expected();
             let tip =
                 format!("{}\n\nTakes {}. Empty: the default.", option.help, wanted.trim_end_matches(','));
             let text = now.map(|value| value.text()).unwrap_or_default();

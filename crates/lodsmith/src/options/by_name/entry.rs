@@ -1,24 +1,24 @@
-//! An entry of the table of options.
+//! Entries of the table of options.
 
 use super::OptionError;
 use super::value::{LengthRange, OptionValue};
 use crate::SimplifyError;
 use crate::options::{MethodKind, Preset, SimplifyOptions, Stop};
 
-/// An option of simplification: its name, the values that it takes, and how it is read and set.
+/// An option of simplification: its name, the values that it takes, and functions that read and set it.
 #[derive(Clone, Copy, Debug)]
 pub struct NamedOption {
     /// Name on the command line, words joined by dashes: `max-normal`.
     pub name: &'static str,
     /// The values that it takes.
     pub kind: OptionKind,
-    /// Section of lists, such as the help of the command.
+    /// Section in lists of options, such as the help of the command.
     pub group: OptionGroup,
     /// Placeholder of the value in help texts, in capitals; empty for flags.
     pub value_name: &'static str,
     /// Help text: one sentence in the imperative, without a full stop.
     pub help: &'static str,
-    /// The methods that have it, if it is an option of single methods; else empty.
+    /// The methods that have the option; empty for options that most methods share.
     pub methods: &'static [MethodKind],
     pub(super) get: Get,
     pub(super) set: Set,
@@ -28,7 +28,7 @@ pub(super) type Get = fn(&SimplifyOptions) -> Option<OptionValue<'static>>;
 /// Sets a value of the kind, for a method that has the option, or returns the option that excludes it.
 pub(super) type Set = fn(&mut SimplifyOptions, &OptionValue<'_>) -> Result<(), &'static str>;
 
-/// Section of lists of options, such as the help of the command.
+/// Section in lists of options, such as the help of the command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OptionGroup {
@@ -51,7 +51,7 @@ pub enum OptionKind {
     Count(u64),
     /// A fraction above 0 and up to 1, or a text such as `10%`.
     Ratio,
-    /// A length in the units of the mesh, or a text such as `0.1%` for a share of the diagonal.
+    /// A length in the units of the mesh, or a text such as `0.1%` for a fraction of the diagonal.
     Length(LengthRange),
     /// An angle in degrees.
     Degrees(Range),
@@ -61,7 +61,7 @@ pub enum OptionKind {
     Word(&'static [&'static str]),
     /// On or off.
     Flag,
-    /// Factors of 0 or more by name of attribute: one of these.
+    /// Factors of 0 or more, by the name of an attribute: one of these.
     Weights(&'static [&'static str]),
     /// A whole number, 0 or more.
     Seed,
@@ -70,11 +70,11 @@ pub enum OptionKind {
 /// A range of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Least number.
+    /// Smallest number.
     pub least: f64,
     /// Largest number.
     pub most: f64,
-    /// True if the least number is in the range.
+    /// True if the smallest number is in the range.
     pub has_least: bool,
     /// True if the largest number is in the range.
     pub has_most: bool,
@@ -91,7 +91,7 @@ impl Range {
 }
 
 impl OptionKind {
-    /// Returns a name of the kind, for lists in other languages.
+    /// Returns the name of the kind, for generated code in other languages.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Count(_) => "count",
@@ -106,7 +106,7 @@ impl OptionKind {
         }
     }
 
-    /// Returns the words that can be given; none if the value is no word.
+    /// Returns the permitted words; empty for other kinds.
     pub const fn words(&self) -> &'static [&'static str] {
         match self {
             Self::Word(words) => words,
@@ -116,8 +116,8 @@ impl OptionKind {
 }
 
 impl OptionKind {
-    /// Returns what is expected, in words: "a whole number of at least 3".
-    pub fn wanted(&self) -> String {
+    /// Returns a description of the permitted values: "a whole number of at least 3".
+    pub fn expected(&self) -> String {
         match self {
             Self::Count(least) => format!("a whole number of at least {least}"),
             Self::Seed => "a whole number of at least 0".to_owned(),
@@ -135,10 +135,10 @@ impl OptionKind {
         }
     }
 
-    /// Returns a value in the form of its kind: numbers and lengths from text, words as they are.
+    /// Converts a value to the type of its kind: numbers and lengths are parsed from text.
     ///
     /// # Errors
-    /// A text with the expected and the given value, if it is not of this kind or out of range.
+    /// A text with the permitted values and the given value, if it is of another kind or out of range.
     pub fn parse(&self, value: &OptionValue<'_>) -> Result<OptionValue<'static>, String> {
         let parsed = match self {
             Self::Count(least) => value.whole().filter(|n| n >= least).map(OptionValue::Whole),
@@ -158,21 +158,21 @@ impl OptionKind {
                 value.weights().and_then(|all| all.into_iter().map(one).collect()).map(OptionValue::Weights)
             }
         };
-        parsed.ok_or_else(|| format!("{} is expected, not {value}", self.wanted()))
+        parsed.ok_or_else(|| format!("{} is expected, not {value}", self.expected()))
     }
 }
 
 impl NamedOption {
-    /// Returns the value that options have; `None` if the option is off.
+    /// Returns the value in `options`; `None` if the option is off.
     pub fn get(&self, options: &SimplifyOptions) -> Option<OptionValue<'static>> {
         (self.get)(options)
     }
 
-    /// Sets a value. `method` and `preset` reset what depends on them.
+    /// Sets a value. Setting `method` or `preset` resets the options that depend on it.
     ///
     /// # Errors
-    /// [`OptionError::Value`] for a value that is not of the kind or out of range, [`OptionError::Combination`] if the
-    /// method of the options does not have this one, or another one excludes it.
+    /// [`OptionError::Value`] for a value of another kind or out of range; [`OptionError::Combination`] if the current
+    /// method does not have the option, or if another option excludes it.
     pub fn set(&self, options: &mut SimplifyOptions, value: &OptionValue<'_>) -> Result<(), OptionError> {
         let option = self.name;
         let value = self.kind.parse(value).map_err(|why| OptionError::Value { option, why })?;

@@ -12,7 +12,7 @@ use LengthRange::{FromZero, Positive, ZeroIsOff};
 use OptionGroup::{Deviation, Guards, OfMethod, Simplification, Target};
 use OptionKind::{Count, Degrees, Flag, Length, Number, Ratio, Seed, Weights};
 
-/// Returns the names of all values of an enum, for a constant.
+/// Makes a constant list of the names of all values of an enum.
 macro_rules! names_of {
     ($choice:ident) => {{
         const NAMES: [&str; $choice::ALL.len()] = {
@@ -28,7 +28,7 @@ macro_rules! names_of {
     }};
 }
 
-/// Bounds that can be named: [`Bound::Auto`] is the absence of one.
+/// Bounds that can be given by name: [`Bound::Auto`] is the absence of one.
 const BOUNDS: [Bound; 3] = [Bound::Estimate, Bound::OneSided, Bound::TwoSided];
 const BOUND_NAMES: [&str; 3] = [BOUNDS[0].name(), BOUNDS[1].name(), BOUNDS[2].name()];
 
@@ -115,7 +115,7 @@ fn set_voxel(options: &mut SimplifyOptions, value: &OptionValue<'_>) -> Result<(
     Ok(())
 }
 
-/// Sets a value that a method has. (A remesh by voxels is the only one that lacks some of its options.)
+/// Sets an option of a method. (Only the method `remesh` has options that exclude another one, `voxel`.)
 macro_rules! of_method {
     ($options:ident, $pattern:pat => $place:expr, $value:expr) => {
         match &mut $options.method {
@@ -125,13 +125,14 @@ macro_rules! of_method {
     };
 }
 
-/// Makes the table: name, kind, group, placeholder and help of each option, the methods that have it if it is of single
-/// ones, and how it is read from options `o` and set to a value `v` of its kind.
+/// Makes the table: for each option its name, kind, group, placeholder and help; the methods that have it, for an
+/// option of single methods; an expression that reads it from options `o`, and one that sets it to a value `v` of its
+/// kind.
 macro_rules! options {
     ($($name:literal ($kind:expr) $group:ident $value:literal $help:literal $([$($method:ident)+])?
         |$o:ident| $get:expr, |$v:ident| $set:expr;)+) => {
-        /// All options of simplification, in the order of lists. Those that name vertices of a mesh are not among
-        /// them: they are in [`MeshData`](crate::MeshData).
+        /// All options of simplification, in the order in which they are listed. Locks and importance, which refer to
+        /// vertices of a mesh, are not among them: see [`MeshData`](crate::MeshData).
         pub const OPTIONS: &[NamedOption] = &[$(NamedOption {
             name: $name,
             kind: $kind,
@@ -168,15 +169,15 @@ options! {
     "fit" (names_of!(Fit)) Simplification "WHEN" "Fit the result to the original by least squares at the end"
         |o| word(o.fit.name()), |v| o.fit = v.word(&Fit::ALL, Fit::name).unwrap_or_default();
     "placement" (names_of!(Placement)) Simplification "POSITION"
-        "Position of a merged vertex: the one with the least error, an end of the edge (so that the vertices are a \
-         subset of those of the input), or its midpoint"
+        "Position of a merged vertex: the position of least error, an end of the edge (the vertices are then a subset \
+         of the vertices of the input), or the midpoint of the edge"
         |o| word(o.placement.name()), |v| o.placement = v.word(&Placement::ALL, Placement::name).unwrap_or_default();
     "border" (names_of!(BorderPolicy)) Simplification "POLICY"
         "Treatment of open borders: keep their shape, slide along them, lock them, or ignore them (free)"
         |o| word(o.border.name()), |v| o.border = v.word(&BorderPolicy::ALL, BorderPolicy::name).unwrap_or_default();
     "topology" (names_of!(TopologyPolicy)) Simplification "POLICY"
-        "Permitted changes of the topology: parts and handles if the target needs it (relaxed), none (preserve), or \
-         those that cost least (free)"
+        "Permitted changes of the topology: remove parts and cut handles only if the target needs it (relaxed), never \
+         (preserve), or wherever it costs least (free)"
         |o| word(o.topology.name()),
         |v| o.topology = v.word(&TopologyPolicy::ALL, TopologyPolicy::name).unwrap_or_default();
     "sharp" (Degrees(SHARP)) Simplification "DEG"
@@ -190,7 +191,8 @@ options! {
         "Merge vertices closer than D first (coincident vertices are always merged); 0 turns off the weld of a preset"
         |o| length(o.weld), |v| o.weld = v.length_or_off();
     "prune" (Length(ZeroIsOff)) Simplification "SIZE"
-        "Remove connected parts smaller than this first (diagonal of their box, in units or as a share: 0.1%)"
+        "Remove connected parts smaller than SIZE first (diagonal of their bounding box, in units of the file or as a \
+         share of the diagonal: 0.1%)"
         |o| length(o.prune), |v| o.prune = v.length_or_off();
     "per-mesh" (Flag) Simplification "" "Apply the target to each mesh of a scene instead of the whole scene"
         |o| flag(o.per_mesh), |v| o.per_mesh = v.is_on();
@@ -206,7 +208,7 @@ options! {
         |o| match o.method { Method::Cluster { cell, .. } => length(cell), _ => None },
         |v| of_method!(o, Method::Cluster { cell, .. } => *cell, v.length());
     "two-stage" (Flag) OfMethod ""
-        "cluster: cluster to a multiple of the target first, then continue with memoryless" [Cluster]
+        "cluster: cluster only to a multiple of the target, then continue with memoryless" [Cluster]
         |o| match o.method { Method::Cluster { two_stage, .. } => flag(two_stage), _ => None },
         |v| of_method!(o, Method::Cluster { two_stage, .. } => *two_stage, v.is_on());
     "edge-length" (Length(Positive)) OfMethod "D"
@@ -216,7 +218,7 @@ options! {
             | Method::Remesh(Remesh::OnSurface { edge_length, .. }) => *edge_length, v.length());
     "angle" (Degrees(BEND)) OfMethod "DEG"
         "planar: largest angle between a face and the plane of its region [default: 5]; vertex-removal, remesh: edges \
-         bent by more are creases"
+         with a larger dihedral angle are creases"
         [Planar VertexRemoval Remesh]
         |o| match o.method {
             Method::Planar { angle_deg, .. } => number(angle_deg),
@@ -229,7 +231,7 @@ options! {
         |o| match o.method { Method::Planar { flat, .. } => length(flat), _ => None },
         |v| of_method!(o, Method::Planar { flat, .. } => *flat, v.length());
     "iterations" (Count(1)) OfMethod "N"
-        "unsubdivide: maximum number of levels to undo; remesh: number of rounds" [Unsubdivide Remesh]
+        "unsubdivide: largest number of levels to reverse; remesh: number of iterations" [Unsubdivide Remesh]
         |o| match o.method {
             Method::Unsubdivide { levels } => count(levels),
             _ => count(o.method.rounds()),
@@ -260,14 +262,14 @@ options! {
         };
 
     "max-normal" (Degrees(TURN)) Guards "DEG"
-        "Reject steps that turn a face by more than DEG degrees; the final fit is one step"
+        "Reject steps that rotate a face normal by more than DEG degrees; the final fit is one step"
         |o| number(o.guards.max_normal_deg), |v| o.guards.max_normal_deg = v.number();
     "min-quality" (Number(QUALITY)) Guards "Q"
-        "Reject faces of lower quality than this, from 0 to 1 (equilateral), unless they were worse before"
+        "Reject faces of lower quality than Q, from 0 to 1 (equilateral), unless they were worse before"
         |o| number(o.guards.min_quality), |v| o.guards.min_quality = v.number();
-    "max-valence" (Count(3)) Guards "N" "Reject vertices with more edges than this, unless they had more before"
+    "max-valence" (Count(3)) Guards "N" "Reject vertices with more than N edges, unless they had more before"
         |o| count(o.guards.max_valence), |v| o.guards.max_valence = v.count();
-    "max-edge" (Length(Positive)) Guards "D" "Reject longer edges than this, unless they were longer before"
+    "max-edge" (Length(Positive)) Guards "D" "Reject edges longer than D, unless they were longer before"
         |o| length(o.guards.max_edge), |v| o.guards.max_edge = v.length();
 
     "seed" (Seed) Simplification "N" "Seed of the samples; equal seeds give equal results"

@@ -5,7 +5,7 @@ use std::fmt;
 
 use crate::options::Length;
 
-/// A value of an option: as a caller gave it, or as options have it.
+/// A value of an option, as given by a caller or as read from options.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum OptionValue<'a> {
@@ -42,12 +42,12 @@ impl fmt::Display for OptionValue<'_> {
     }
 }
 
-/// Formats a length as it is typed: `0.5` in units, `0.1%` of the diagonal.
+/// Formats a length as on the command line: `0.5` in units, `0.1%` of the diagonal.
 pub fn length_text(length: Length) -> String {
     match length {
         Length::Units(x) => x.to_string(),
-        // Fractions such as 0.07 % read back exactly as typed; for some, such as 0.0007, no percentage is
-        // bit-exact.
+        // Percentages such as 0.07 % are formatted as they were typed; for some fractions, such as 0.0007, no
+        // percentage is bit-exact.
         Length::OfDiagonal(x) => {
             let percent = 100.0 * x;
             let short = format!("{percent:.12}");
@@ -67,7 +67,7 @@ pub enum LengthRange {
     Positive,
     /// 0 or more.
     FromZero,
-    /// Above 0; 0 stands for none, and turns off that of a preset.
+    /// Above 0; or 0, which turns the option off, even if a preset sets it.
     ZeroIsOff,
 }
 
@@ -79,13 +79,13 @@ impl LengthRange {
     }
 }
 
-/// Reads a length as it is typed; `None` if it is not a finite length of 0 or more.
+/// Parses a length as on the command line; `None` if it is not a finite length of 0 or more.
 pub fn length_of_text(text: &str) -> Option<Length> {
     OptionValue::from(text).length().filter(|length| LengthRange::FromZero.contains(*length))
 }
 
 impl OptionValue<'_> {
-    /// Returns the value as on the command line; of weights, `name=factor` joined by commas.
+    /// Returns the value as on the command line; for weights, `name=factor` joined by commas.
     pub fn text(&self) -> String {
         match self {
             Self::Text(text) => text.clone().into_owned(),
@@ -96,7 +96,7 @@ impl OptionValue<'_> {
         }
     }
 
-    /// Returns the finite number of a value.
+    /// Returns the value as a finite number.
     pub(super) fn number(&self) -> Option<f64> {
         let number = match self {
             Self::Whole(x) => Some(*x as f64),
@@ -107,7 +107,7 @@ impl OptionValue<'_> {
         number.filter(|x| x.is_finite())
     }
 
-    /// Returns the whole number of a value.
+    /// Returns the value as a whole number.
     pub(super) fn whole(&self) -> Option<u64> {
         match self {
             Self::Whole(x) => Some(*x),
@@ -118,12 +118,12 @@ impl OptionValue<'_> {
         }
     }
 
-    /// Returns the number of elements of a value.
+    /// Returns the value as a count of elements.
     pub(super) fn count(&self) -> Option<usize> {
         self.whole().map(|x| usize::try_from(x).unwrap_or(usize::MAX))
     }
 
-    /// Returns the fraction of a value; a text may be in per cent.
+    /// Returns the value as a fraction; a text may be in per cent.
     pub(super) fn ratio(&self) -> Option<f64> {
         match self {
             Self::Text(text) => match text.trim().strip_suffix('%') {
@@ -134,7 +134,7 @@ impl OptionValue<'_> {
         }
     }
 
-    /// Returns the length of a value; a text may be a share of the diagonal in per cent.
+    /// Returns the value as a length; a text may be a fraction of the diagonal in per cent.
     pub(super) fn length(&self) -> Option<Length> {
         match self {
             Self::Length(length) => Some(*length),
@@ -146,12 +146,12 @@ impl OptionValue<'_> {
         }
     }
 
-    /// Returns the length of a value; none if it is 0.
+    /// Returns the value as a length; `None` if it is 0.
     pub(super) fn length_or_off(&self) -> Option<Length> {
         self.length().filter(|l| !matches!(l, Length::Units(0.0) | Length::OfDiagonal(0.0)))
     }
 
-    /// Returns true or false.
+    /// Returns the value as a flag.
     pub(super) fn flag(&self) -> Option<bool> {
         match self {
             Self::Flag(x) => Some(*x),
@@ -173,7 +173,7 @@ impl OptionValue<'_> {
         }
     }
 
-    /// Returns the factors by name; as text, `name=factor` joined by commas.
+    /// Returns the factors by name; a text is `name=factor`, joined by commas.
     pub(super) fn weights(&self) -> Option<Vec<(&str, f64)>> {
         let factor = |pair: &'_ str| -> Option<(usize, f64)> {
             let (name, x) = pair.split_once('=')?;
