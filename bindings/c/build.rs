@@ -1,5 +1,5 @@
-//! Names the shared library as it is installed.
-#![allow(clippy::print_stdout, reason = "a build script speaks to Cargo on its standard output")]
+//! Sets the name of the shared library (soname).
+#![allow(clippy::print_stdout, reason = "a build script passes instructions to Cargo on standard output")]
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes include/lodsmith.h from the sources; with --check says whether it is current.
+# Writes include/lodsmith.h from the sources; --check fails if it is not up to date.
 set -euo pipefail
 cd "$(dirname "$0")"
 cbindgen=0.29.4
@@ -10,7 +10,7 @@ fi
 out=$(mktemp)
 trap 'rm -f "$out"' EXIT
 cbindgen --quiet --config cbindgen.toml --output "$out" .
-# The sections of the Rust documentation that have no meaning in C.
+# Headings of the Rust documentation that have no meaning in C.
 sed -i -e 's|^// # Safety$|// Conditions:|' "$out"
 case "${1:-}" in
     '') cp "$out" include/lodsmith.h ;;

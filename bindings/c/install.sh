@@ -7,9 +7,9 @@
 #   PREFIX/lib/cmake/lodsmith/             find_package(lodsmith CONFIG)
 #   PREFIX/share/licenses/lodsmith/
 #
-# LODSMITH_PROFILE=dev builds without optimisation. LODSMITH_FILES=0 leaves out the jobs on files, which makes the library
-# a third of the size; the installed header does not declare them then. Everything installed can be moved to another
-# folder.
+# LODSMITH_PROFILE=dev builds without optimisation. LODSMITH_FILES=0 leaves out the jobs on files, which makes the
+# library a third of the size; then the installed header does not declare them. The installed files can be moved to
+# another folder.
 set -euo pipefail
 [ $# = 1 ] || { printf 'usage: install.sh PREFIX\n' >&2; exit 2; }
 mkdir -p "$1"
@@ -17,7 +17,7 @@ prefix=$(cd "$1" && pwd)
 cd "$(dirname "$0")/../.."
 profile=${LODSMITH_PROFILE:-release}
 
-# FBX is read by a library in C: those who use this library have a compiler for it.
+# FBX is read by a library in C; users of this C interface have a C compiler.
 case "${LODSMITH_FILES:-1}" in
     0) features=(--no-default-features) ;;
     *) features=(--features fbx) ;;

@@ -1,7 +1,7 @@
-//! Simplification of index buffers, with the arguments and the flags of meshoptimizer's functions.
+//! Simplification of index buffers, with the arguments and flags of the functions of meshoptimizer.
 
 pub mod flags;
-mod places;
+mod position_table;
 mod quick;
 mod update;
 mod used;
@@ -23,10 +23,10 @@ pub enum IndexError {
     /// An argument is not valid.
     #[error("{0}")]
     Argument(String),
-    /// The engine has refused the mesh or an option.
+    /// The engine refused the mesh or an option.
     #[error(transparent)]
     Engine(#[from] SimplifyError),
-    /// A fault of the library.
+    /// An internal error.
     #[error("{0}")]
     Internal(String),
 }
@@ -37,21 +37,21 @@ impl From<MeshError> for IndexError {
     }
 }
 
-/// An index buffer, what it refers to, and what is wanted of it.
+/// An index buffer, its vertices, and the target of the simplification.
 pub struct IndexCall<'a> {
-    /// Three for each triangle.
+    /// Three indices for each triangle.
     pub indices: &'a [u32],
     /// Number of vertices.
     pub vertex_count: usize,
-    /// Returns the position of a vertex, whose number is below the count.
+    /// Returns the position of a vertex, by its index.
     pub position: &'a dyn Fn(usize) -> [f32; 3],
-    /// Attributes that count.
+    /// Attributes in the cost.
     pub attributes: Option<IndexAttributes<'a>>,
     /// Returns the flags of a vertex: `flags::VERTEX_...`.
     pub vertex_flags: Option<&'a dyn Fn(usize) -> u8>,
     /// Number of indices to reach.
     pub target_index_count: usize,
-    /// Largest error, as a share of the largest extent, unless the flags say otherwise.
+    /// Largest error, as a fraction of the largest extent, unless the flags specify another unit.
     pub target_error: f32,
     /// `flags::...`
     pub flags: u32,
@@ -62,48 +62,48 @@ pub struct IndexCall<'a> {
 pub struct IndexAttributes<'a> {
     /// Returns an attribute of a vertex.
     pub value: &'a dyn Fn(usize, usize) -> f32,
-    /// Weight of each attribute; those of weight 0 are not read.
+    /// Weight of each attribute. Attributes with weight 0 are not read.
     pub weights: &'a [f32],
 }
 
-/// The indices that are left, and the estimate of the error.
+/// The remaining indices, and the estimate of the error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IndexResult {
-    /// Three for each triangle: vertices of the input.
+    /// Three indices of input vertices for each triangle.
     pub indices: Vec<u32>,
     /// Estimate of the error, in the unit of the call.
     pub error: f32,
 }
 
-/// The indices that are left, with the vertices that have changed.
+/// The remaining indices, and the vertices that have changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UpdateResult {
-    /// Three for each triangle: vertices of the input, some of which have moved.
+    /// Three indices of input vertices for each triangle; some of the vertices have moved.
     pub indices: Vec<u32>,
     /// Estimate of the error, in the unit of the call.
     pub error: f32,
     /// The vertices that have new values.
     pub vertices: Vec<UpdatedVertex>,
-    /// The attributes that the values of the vertices are of.
+    /// The attributes to which the values of the vertices belong.
     pub columns: Vec<usize>,
 }
 
 /// New values of a vertex.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UpdatedVertex {
-    /// Its number.
+    /// Its index.
     pub index: u32,
     /// Its position.
     pub position: [f32; 3],
-    /// Its attributes of a weight above 0.
+    /// Its attributes with a weight above 0.
     pub values: Vec<f32>,
 }
 
-/// Simplifies an index buffer onto its own vertices.
+/// Simplifies an index buffer without changing vertices.
 ///
 /// # Errors
-/// [`IndexError::Argument`] for indices out of range or no multiple of three, unknown flags, weights and limits that
-/// are not numbers from 0 on; [`IndexError::Engine`] if no face has an area.
+/// [`IndexError::Argument`] for indices out of range, a number of indices that is not a multiple of three, unknown
+/// flags, and weights or limits that are negative or not numbers; [`IndexError::Engine`] if no face has an area.
 pub fn simplify_indices(call: &IndexCall<'_>) -> Result<IndexResult, IndexError> {
     if call.indices.is_empty() {
         return Ok(IndexResult { indices: Vec::new(), error: 0.0 });
@@ -114,10 +114,10 @@ pub fn simplify_indices(call: &IndexCall<'_>) -> Result<IndexResult, IndexError>
     Ok(IndexResult { indices: frame.of_input(&result.faces), error: frame.error(result.error) })
 }
 
-/// Simplifies an index buffer with vertices that move for the least error, and with them their attributes.
+/// Simplifies an index buffer and moves vertices, with their attributes, to minimise the error.
 ///
 /// # Errors
-/// As of [`simplify_indices`].
+/// Those of [`simplify_indices`].
 pub fn simplify_with_update(call: &IndexCall<'_>) -> Result<UpdateResult, IndexError> {
     let unchanged = || UpdateResult {
         indices: call.indices.to_vec(),
@@ -155,7 +155,7 @@ pub fn simplify_with_update(call: &IndexCall<'_>) -> Result<UpdateResult, IndexE
 /// The used vertices of a call, and the unit of its errors.
 struct CallFrame {
     used: UsedVertices,
-    /// Errors are in this unit.
+    /// Unit of errors.
     unit: f64,
 }
 
@@ -164,7 +164,7 @@ impl CallFrame {
         faces.as_flattened().iter().map(|&v| self.used.indices[v as usize]).collect()
     }
 
-    /// An error in the unit of the call.
+    /// Converts an error to the unit of the call.
     fn error(&self, error: f64) -> f32 {
         if self.unit > 0.0 { (error / self.unit) as f32 } else { 0.0 }
     }
@@ -198,7 +198,7 @@ impl<'a> IndexCall<'a> {
             values: None,
             flags: self.vertex_flags.map(|of| used.indices.iter().map(|&i| of(i as usize)).collect()),
             target_faces: self.target_index_count / 3,
-            // Nothing is farther away than this.
+            // No error can exceed twice the extent.
             error_limit: (limit < 2.0 * extent).then_some(limit),
             extent,
             rules: QuickRules {
@@ -211,7 +211,7 @@ impl<'a> IndexCall<'a> {
         Ok((input, CallFrame { used, unit }))
     }
 
-    /// Returns the attributes that count, if any does.
+    /// Returns the attributes with a weight above 0; `None` if there are none.
     fn columns(&self) -> Result<Option<Columns<'a>>, IndexError> {
         let Some(attributes) = self.attributes else { return Ok(None) };
         let count = attributes.weights.len();
@@ -227,7 +227,7 @@ impl<'a> IndexCall<'a> {
     }
 }
 
-/// The largest side of the bounding box of the finite points.
+/// Returns the largest side of the bounding box of the finite points.
 fn largest_extent(points: impl Iterator<Item = [f32; 3]>) -> f64 {
     let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for p in points.filter(|p| p.iter().all(|x| x.is_finite())) {
@@ -238,8 +238,8 @@ fn largest_extent(points: impl Iterator<Item = [f32; 3]>) -> f64 {
     (0..3).map(|k| f64::from(max[k]) - f64::from(min[k])).fold(0.0, f64::max)
 }
 
-/// Returns the length of the edges of a result with the faces asked for, if they were equilateral: or without a count,
-/// of a quarter of the faces.
+/// Returns the edge length of a result with the target number of faces, if all faces were equilateral. Without a target
+/// number, assumes a quarter of the faces.
 fn edge_length(input: &QuickInput) -> f64 {
     let doubled = |t: &[VertexId; 3]| {
         let [a, b, c] = t.map(|v| input.positions[v.index()].map(f64::from));
@@ -253,15 +253,15 @@ fn edge_length(input: &QuickInput) -> f64 {
     (area / (3.0f64.sqrt() / 4.0 * count as f64)).sqrt()
 }
 
-/// The attributes of a call that count.
+/// The attributes of a call with a weight above 0.
 struct Columns<'a> {
     value: &'a dyn Fn(usize, usize) -> f32,
-    /// Their numbers and weights.
+    /// Their indices and weights.
     columns: Vec<(usize, f32)>,
 }
 
 impl Columns<'_> {
-    /// Values of the used vertices, each times its factor.
+    /// Returns the values of the used vertices, each multiplied by its factor.
     fn of(&self, used: &UsedVertices, factor: impl Fn(f32) -> f32) -> Vec<f32> {
         let value = |i: u32, &(k, weight): &(usize, f32)| {
             let x = (self.value)(i as usize, k) * factor(weight);

@@ -1,4 +1,4 @@
-//! Code that the packages of Lodsmith for other languages share: simplification of index buffers with the arguments of
+//! Code that the packages for other languages share: simplification of index buffers with the arguments of
 //! meshoptimizer, and names of attributes.
 
 pub mod indices;

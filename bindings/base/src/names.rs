@@ -3,7 +3,7 @@
 use lodsmith_core::Semantic;
 use lodsmith_core::mesh::Morphed;
 
-/// Returns the meaning of an attribute by its name in arrays of a binding.
+/// Returns the meaning of an attribute from its name in the packages.
 pub fn semantic(name: &str) -> Semantic {
     let numbered = |word: &str| name.strip_prefix(word).and_then(|n| n.parse::<u8>().ok());
     if name == "tangents" {
@@ -34,7 +34,7 @@ pub fn semantic(name: &str) -> Semantic {
     morph.unwrap_or_else(|| Semantic::Custom(name.to_owned()))
 }
 
-/// Returns the name of an attribute in arrays of a binding.
+/// Returns the name of an attribute in the packages.
 pub fn name_of(semantic: &Semantic) -> String {
     match semantic {
         Semantic::Tangent => "tangents".to_owned(),
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_come_back() {
+    fn names_survive_a_round_trip() {
         for name in
             ["tangents", "uvs1", "colors2", "joints0", "weights1", "morph3_normals", "heat", "uvs", "morph_x"]
         {

@@ -1,4 +1,4 @@
-/* Does a job on a file and prints its outcome: file_job VERB INPUT OUTPUT OPTIONS, such as
+/* Runs a job on a file and prints its outcome: file_job VERB INPUT OUTPUT OPTIONS, such as
    file_job simplify statue.glb small.glb '{"ratio": 0.1}' */
 #include <stdio.h>
 #include <lodsmith.h>

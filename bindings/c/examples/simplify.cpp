@@ -1,9 +1,9 @@
-// Simplifies a mesh by all families of functions.
+// Simplifies a mesh with each family of functions.
 //
 //   simplify [INPUT.obj [OUTPUT]]
 //
-// Without a file it takes a wavy torus. Reads positions and faces of an OBJ file only; with an output, the file as a whole
-// is simplified too, and written.
+// Without a file, simplifies a wavy torus. Reads only positions and faces of an OBJ file; with an output, the whole
+// file is also simplified and written.
 #include <lodsmith.h>
 
 #include <cfloat>
@@ -21,7 +21,7 @@
 
 namespace {
 
-// A vertex as an engine has it: what Lodsmith needs is found by strides.
+// A vertex as in a game engine: Lodsmith reads its fields by strides.
 struct Vertex {
     float position[3];
     float normal[3];
@@ -112,7 +112,7 @@ void set_normals(Mesh &mesh) {
     }
 }
 
-// The call of an engine: the vertices stay, and the index buffer gets shorter.
+// As game engines do it: the vertices stay, and the index buffer gets shorter.
 void simplify_indices(const Mesh &mesh, size_t target) {
     std::vector<uint32_t> lod(mesh.indices.size());
     float error = 0;
@@ -122,7 +122,7 @@ void simplify_indices(const Mesh &mesh, size_t target) {
     if (const char *message = lodsmith_error_message()) throw std::runtime_error(message);
     std::printf("indices:    %zu -> %zu, error about %g of the extent\n", mesh.indices.size(), lod.size(), error);
 
-    // The same with normals in the cost, and the first vertex locked.
+    // With normals in the cost, and the first vertex locked.
     const float weights[3] = {0.5f, 0.5f, 0.5f};
     std::vector<unsigned char> locks(mesh.vertices.size());
     locks[0] = LODSMITH_VERTEX_LOCK;
@@ -133,7 +133,7 @@ void simplify_indices(const Mesh &mesh, size_t target) {
     if (const char *message = lodsmith_error_message()) throw std::runtime_error(message);
     std::printf("attributes: %zu -> %zu, error about %g\n", mesh.indices.size(), lod.size(), error);
 
-    // The same with vertices that move.
+    // With vertices that move.
     Mesh moved = mesh;
     moved.indices.resize(lodsmith_simplify_indices_with_update(
         moved.indices.data(), moved.indices.size(), moved.vertices[0].position, moved.vertices.size(), sizeof(Vertex),
@@ -201,7 +201,7 @@ Mesh simplify_best(const Mesh &mesh, size_t target_faces) {
     return lod;
 }
 
-// A whole file, as the command does it: with its materials, from any format to any other.
+// A whole file, as with the command: with its materials, from any format to any other.
 void simplify_file(const char *input, const char *output) {
 #ifdef LODSMITH_FILES
     lodsmith_file_job job{};

@@ -1,19 +1,19 @@
 // Lodsmith: simplification of triangle meshes.
 //
 // Three families of functions:
-// - lodsmith_simplify_indices and its kin take the place of meshopt_simplify: an index buffer in, an index buffer
-//   out, vertices of the input.
+// - lodsmith_simplify_indices and two variants replace meshopt_simplify: they turn an index buffer into an index buffer
+//   with vertices of the input.
 // - lodsmith_simplify makes the closest mesh for the count, with new vertices, all attributes and a report.
-// - lodsmith_run_file_job does with whole files what the command does. A library may be built without it: its installed
-//   header defines LODSMITH_NO_FILES.
+// - lodsmith_run_file_job does jobs on whole files, like the command. The library can be built without it; then the
+//   installed header defines LODSMITH_NO_FILES.
 //
-// Ownership: buffers belong to the caller, are read during the call only, and results are copied into buffers of the
+// Ownership: buffers belong to the caller and are read only during the call; results are copied into buffers of the
 // caller. A lodsmith_result belongs to the caller until lodsmith_result_free, a lodsmith_text until lodsmith_text_free.
 // Strides are in bytes. Buffers need not be aligned. Positions are in any unit.
-// Errors: functions that return int32_t return LODSMITH_OK or an error code; the others return 0 or null. The text is
-// in lodsmith_error_message. No error of input or options ends the program.
-// Threads: all functions may be called by several threads at once, on different outputs.
-// Structures with a field `size` may grow in later versions; set it to sizeof.
+// Errors: functions that return int32_t return LODSMITH_OK or an error code; other functions return 0 or null. The text
+// of the error is in lodsmith_error_message. No error of input or options ends the program.
+// Threads: all functions may be called by several threads at the same time, with different outputs.
+// Structures with a field `size` may grow in later versions; set it to sizeof the structure.
 //
 // This file is generated: change bindings/c/src and run bindings/c/header.sh.
 
@@ -29,19 +29,19 @@
 #define LODSMITH_FILES 1
 #endif
 
-// The run continues.
+// Continue the run.
 #define LODSMITH_CONTINUE 0
 
-// The run ends soon, with the best mesh so far.
+// End the run soon, with the best mesh so far.
 #define LODSMITH_FINISH 1
 
-// The run ends soon, with `LODSMITH_ERROR_CANCELLED`.
+// End the run soon, with `LODSMITH_ERROR_CANCELLED`.
 #define LODSMITH_CANCEL 2
 
 // Welding, ordering and building the connectivity.
 #define LODSMITH_STAGE_PREPARE 0
 
-// Collapsing edges, or what the method does instead.
+// Collapsing edges, or the main stage of another method.
 #define LODSMITH_STAGE_SIMPLIFY 1
 
 // The final fit.
@@ -50,7 +50,7 @@
 // Measuring the result.
 #define LODSMITH_STAGE_MEASURE 3
 
-// Reading the input: this and the following are in jobs on files only.
+// Reading the input. This and the following stages occur only in jobs on files.
 #define LODSMITH_STAGE_READ 4
 
 // Cleaning the meshes.
@@ -71,16 +71,16 @@
 // An argument is not valid: a null pointer, a stride that is too small, an index that is out of range.
 #define LODSMITH_ERROR_ARGUMENT 1
 
-// An option is out of range or unknown, or does not go with the method, with another one or with the file.
+// An option is unknown or out of range, or is incompatible with the method, with another option or with the file.
 #define LODSMITH_ERROR_OPTION 2
 
 // The mesh cannot be simplified or baked: no face has an area.
 #define LODSMITH_ERROR_MESH 3
 
-// The progress function asked for the end.
+// The progress function cancelled the run.
 #define LODSMITH_ERROR_CANCELLED 4
 
-// A fault of the library.
+// An internal error of the library.
 #define LODSMITH_ERROR_INTERNAL 5
 
 // A file cannot be read or written.
@@ -89,61 +89,61 @@
 // A limit on memory, sizes or time forbids the job.
 #define LODSMITH_ERROR_LIMIT 7
 
-// The job is done, with faults that the option `strict` asks for.
+// The job is done, but with losses or missed targets, which the option `strict` turns into errors.
 #define LODSMITH_ERROR_STRICT 8
 
 // Vertices on open borders are not moved or removed.
 #define LODSMITH_SIMPLIFY_LOCK_BORDER 1
 
-// Errors are relative to the extent of the vertices that the indices use, and the time does not depend on the others.
+// Errors are relative to the extent of the used vertices, and the time does not depend on unused vertices.
 #define LODSMITH_SIMPLIFY_SPARSE 2
 
-// The limit of the error and the returned error are in the units of the positions.
+// The error limit and the returned error are in the units of the positions.
 #define LODSMITH_SIMPLIFY_ERROR_ABSOLUTE 4
 
-// Whole parts are removed, and thin places cut, where that is cheapest.
+// Whole parts are removed, and necks cut, where that is cheapest.
 #define LODSMITH_SIMPLIFY_PRUNE 8
 
-// Faces are more regular, at some cost.
+// Faces are more regular, at the cost of some accuracy.
 #define LODSMITH_SIMPLIFY_REGULARIZE 16
 
-// Vertices at one position with different attributes may be merged, unless they are protected.
+// Vertices at the same position with different attributes may be merged, unless they are protected.
 #define LODSMITH_SIMPLIFY_PERMISSIVE 32
 
-// Faces are a little more regular, at a small cost.
+// Faces are slightly more regular, at a small cost of accuracy.
 #define LODSMITH_SIMPLIFY_REGULARIZE_LIGHT 64
 
-// Accepted, without effect: folds are always preserved.
+// Accepted without effect: folds are always preserved.
 #define LODSMITH_SIMPLIFY_PRESERVE_FOLDS 128
 
-// Accepted, without effect.
+// Accepted without effect.
 #define LODSMITH_SIMPLIFY_ERROR_CLAMPED 256
 
 // The vertex keeps its position and its attributes.
 #define LODSMITH_VERTEX_LOCK 1
 
-// The discontinuity of attributes at the vertex is kept, with `LODSMITH_SIMPLIFY_PERMISSIVE`.
+// The discontinuity of attributes at the vertex is kept even with `LODSMITH_SIMPLIFY_PERMISSIVE`.
 #define LODSMITH_VERTEX_PROTECT 2
 
 // The vertex is more likely to be kept.
 #define LODSMITH_VERTEX_PRIORITY 4
 
-// Values under a name that may be blended.
+// Named values that are interpolated.
 #define LODSMITH_ATTRIBUTE_CUSTOM 0
 
-// Whole numbers under a name that are never blended; exact up to 16,777,216.
+// Named whole numbers that are never interpolated; exact up to 16,777,216.
 #define LODSMITH_ATTRIBUTE_DISCRETE 1
 
 // Four values: a direction, and the sign of the bitangent.
 #define LODSMITH_ATTRIBUTE_TANGENT 2
 
-// Two values: texture coordinates of a further set, from 1.
+// Two values: texture coordinates of an additional set, from 1.
 #define LODSMITH_ATTRIBUTE_UV 3
 
-// Four values: colours of a further set, from 1.
+// Four values: colours of an additional set, from 1.
 #define LODSMITH_ATTRIBUTE_COLOR 4
 
-// Four values: joint numbers of a skin.
+// Four values: joint indices of a skin.
 #define LODSMITH_ATTRIBUTE_JOINTS 5
 
 // Four values: weights of the joints of the same set.
@@ -164,10 +164,10 @@
 // A length in the units of the positions.
 #define LODSMITH_UNIT_MESH 1
 
-// A length as a share of the diagonal of the bounding box.
+// A length as a fraction of the diagonal of the bounding box.
 #define LODSMITH_UNIT_DIAGONAL 2
 
-// Edge collapse by the tensors of the present star, and a final fit: the default.
+// Edge collapse by the tensors of the current star, and a final fit: the default.
 #define LODSMITH_METHOD_MEMORYLESS 0
 
 // Edge collapse by accumulated quadrics.
@@ -182,10 +182,10 @@
 // Edge collapse in order of edge length.
 #define LODSMITH_METHOD_SHORTEST_EDGE 4
 
-// One vertex for each cell of a grid.
+// Vertex clustering: one vertex for each cell of a grid.
 #define LODSMITH_METHOD_CLUSTER 5
 
-// Removal of vertices; the holes are filled.
+// Removal of vertices; the holes are retriangulated.
 #define LODSMITH_METHOD_VERTEX_REMOVAL 6
 
 // Coplanar regions with as few triangles as their outlines need.
@@ -194,7 +194,7 @@
 // Reversal of 4:1 subdivision.
 #define LODSMITH_METHOD_UNSUBDIVIDE 8
 
-// A new mesh on the old surface.
+// A new mesh on the same surface.
 #define LODSMITH_METHOD_REMESH 9
 
 // The final fit is used where it helps.
@@ -209,7 +209,7 @@
 // Merged vertices lie at the point of least cost.
 #define LODSMITH_PLACEMENT_OPTIMAL 0
 
-// Merged vertices lie at the better end of the edge: vertices of the result are vertices of the input.
+// Merged vertices lie at the better end of the edge: the vertices of the result are vertices of the input.
 #define LODSMITH_PLACEMENT_ENDPOINT 1
 
 // Merged vertices lie at the midpoint of the edge.
@@ -227,7 +227,7 @@
 // Borders are not considered.
 #define LODSMITH_BORDER_FREE 3
 
-// Handles are cut and parts removed only if the target cannot be met otherwise, or far less well.
+// Handles are cut and parts removed only if the target cannot be met otherwise, or only with a much larger error.
 #define LODSMITH_TOPOLOGY_RELAXED 0
 
 // Holes, handles and parts are kept.
@@ -236,7 +236,7 @@
 // Handles are cut and parts removed wherever that is cheapest.
 #define LODSMITH_TOPOLOGY_FREE 2
 
-// The bound is guaranteed in both directions with a stop at an error, else not at all.
+// With a stop at an error, the bound is guaranteed in both directions; otherwise not at all.
 #define LODSMITH_BOUND_AUTO 0
 
 // No bound is guaranteed.
@@ -245,10 +245,10 @@
 // No point of the result is farther from the input than the bound.
 #define LODSMITH_BOUND_ONE_SIDED 2
 
-// No point of either is farther from the other than the bound.
+// No point of either mesh is farther from the other mesh than the bound.
 #define LODSMITH_BOUND_TWO_SIDED 3
 
-// The result is measured with a stop at an error or a guaranteed bound.
+// The result is measured if there is a stop at an error or a guaranteed bound.
 #define LODSMITH_MEASURE_AUTO 0
 
 // The result is always measured.
@@ -263,42 +263,42 @@
 // Machine parts.
 #define LODSMITH_PRESET_CAD 2
 
-// For display: normals count more.
+// For display: more weight on normals.
 #define LODSMITH_PRESET_VISUAL 3
 
-// For printing.
+// For 3D printing.
 #define LODSMITH_PRESET_PRINT 4
 
-// The number of triangles was reached.
+// The target number of triangles was reached.
 #define LODSMITH_STOPPED_BY_FACES 0
 
-// The number of vertices was reached.
+// The target number of vertices was reached.
 #define LODSMITH_STOPPED_BY_VERTICES 1
 
-// The share of the triangles was reached.
+// The target fraction of the triangles was reached.
 #define LODSMITH_STOPPED_BY_RATIO 2
 
-// The next step would exceed the error.
+// The next step would exceed the error limit.
 #define LODSMITH_STOPPED_BY_ERROR 3
 
-// Topology and guards allow no step that is left.
+// Topology and guards permit no further step.
 #define LODSMITH_STOPPED_BY_REFUSALS 4
 
-// The method has nothing left to remove.
+// The method has nothing more to remove.
 #define LODSMITH_STOPPED_BY_EXHAUSTED 5
 
-// The progress function asked for the best mesh so far.
+// The progress function ended the run with the best mesh so far.
 #define LODSMITH_STOPPED_BY_CALLER 6
 
 // No target was given, or the input met it already.
 #define LODSMITH_STOPPED_BY_NOTHING 7
 
-// A simplified mesh and the report of the run. Free it with `lodsmith_result_free`. It may be read by several threads at
-// once.
+// A simplified mesh and the report of the run. Free it with `lodsmith_result_free`. Several threads may read it at the
+// same time.
 typedef struct lodsmith_result lodsmith_result;
 
 #if defined(LODSMITH_FILES)
-// A text that the library made. Free it with `lodsmith_text_free`. It may be read by several threads at once.
+// A text from the library. Free it with `lodsmith_text_free`. Several threads may read it at the same time.
 typedef struct lodsmith_text lodsmith_text;
 #endif
 
@@ -306,9 +306,9 @@ typedef struct lodsmith_text lodsmith_text;
 typedef struct lodsmith_attribute {
   // One of `LODSMITH_ATTRIBUTE_...`.
   int32_t kind;
-  // Number of the set or morph target, for the kinds that have several.
+  // Index of the set or morph target, for kinds that have several.
   uint32_t set;
-  // Name, in UTF-8, for the kinds custom and discrete; else it may be null.
+  // Name, in UTF-8, for custom and discrete attributes; may be null for other kinds.
   const char *name;
   // Number of values for each vertex.
   size_t width;
@@ -318,12 +318,12 @@ typedef struct lodsmith_attribute {
   size_t stride;
 } lodsmith_attribute;
 
-// A mesh in the caller's memory, which is only read. Fill it with zeros, set `size` and what there is. Strides are in
-// bytes.
+// A mesh in memory of the caller, which is only read. Fill it with zeros, then set `size` and the fields that the mesh
+// has. Strides are in bytes.
 typedef struct lodsmith_mesh_view {
   // `sizeof(lodsmith_mesh_view)` of the caller's header.
   size_t size;
-  // Number of vertices. Several vertices at one position are the sides of a seam.
+  // Number of vertices. Several vertices at the same position are the sides of a seam.
   size_t vertex_count;
   // Three floats for each vertex; null if the positions are doubles.
   const float *positions;
@@ -331,7 +331,7 @@ typedef struct lodsmith_mesh_view {
   const double *positions_f64;
   // Bytes from one position to the next.
   size_t positions_stride;
-  // Three for each triangle, counter-clockwise seen from outside.
+  // Three indices for each triangle, counter-clockwise seen from outside.
   const uint32_t *indices;
   // Number of indices.
   size_t index_count;
@@ -347,13 +347,13 @@ typedef struct lodsmith_mesh_view {
   const float *colors;
   // Bytes from one colour to the next.
   size_t colors_stride;
-  // Further attributes; may be null.
+  // Additional attributes; may be null.
   const struct lodsmith_attribute *attributes;
   // Number of `attributes`.
   size_t attribute_count;
-  // The region of each triangle (a material, a group), without gaps; may be null.
+  // The region (such as a material or group) of each triangle, without gaps; may be null.
   const uint32_t *regions;
-  // Not 0 for each vertex that keeps its position and attributes, without gaps; may be null.
+  // Not 0 for each vertex that must keep its position and attributes, without gaps; may be null.
   const uint8_t *locked;
   // Importance of each vertex, 1 is neutral, without gaps; may be null.
   const float *importance;
@@ -377,15 +377,15 @@ typedef struct lodsmith_texture {
   size_t height;
 } lodsmith_texture;
 
-// Options of `lodsmith_simplify`. Fill them by `lodsmith_options_init` and change what should differ.
+// Options of `lodsmith_simplify`. Initialise them with `lodsmith_options_init`, then change fields.
 typedef struct lodsmith_options {
   // `sizeof(lodsmith_options)` of the caller's header.
   size_t size;
-  // Stop at this number of triangles; 0 if not set. Of several stops the first one met ends the run.
+  // Stop at this number of triangles; 0 if not set. If several stops are set, the first one met ends the run.
   size_t target_faces;
   // Stop at this number of vertices (positions); 0 if not set.
   size_t target_vertices;
-  // Stop at this share of the triangles, up to 1; 0 if not set.
+  // Stop at this fraction of the triangles, up to 1; 0 if not set.
   double target_ratio;
   // Stop before the measured distance exceeds this, in the sense of `bound`.
   struct lodsmith_length target_error;
@@ -403,9 +403,9 @@ typedef struct lodsmith_options {
   int32_t bound;
   // One of `LODSMITH_MEASURE_...`.
   int32_t measure;
-  // Not 0: tries pairs and looser topology if the target is out of reach.
+  // Not 0: try pairs and looser topology policies if the target is not reached.
   int32_t escalate;
-  // Not 0: the normals of the shape count if the mesh has none.
+  // Not 0: use the normals of the shape in the cost if the mesh has no normals.
   int32_t shape_normals;
   // Methods memoryless, quadric: vertices closer than this that share no edge are contracted too.
   struct lodsmith_length pairs;
@@ -421,7 +421,7 @@ typedef struct lodsmith_options {
   double angle_deg;
   // Method planar: largest distance from the plane of a region.
   struct lodsmith_length flat;
-  // Methods unsubdivide, remesh: number of levels or rounds; 0 if not set.
+  // Method unsubdivide: number of levels; method remesh: number of iterations; 0 if not set.
   size_t iterations;
   // Method remesh: edge length of a voxel.
   struct lodsmith_length voxel;
@@ -429,13 +429,13 @@ typedef struct lodsmith_options {
   size_t subdivisions;
   // Largest rotation of a face normal in degrees; 0 for no limit.
   double max_normal_deg;
-  // Least quality of a new face, up to 1; 0 for no limit.
+  // Minimum quality of a new face, up to 1; 0 for no limit.
   double min_quality;
   // Largest number of edges at a vertex; 0 for no limit.
   size_t max_valence;
   // Largest length of an edge.
   struct lodsmith_length max_edge;
-  // Edges with a larger angle in degrees are features; 0 for none.
+  // Edges with a larger dihedral angle in degrees are features; 0 for no features.
   double sharp_deg;
   // Weight of normals; 1 is the default, 0 ignores them.
   double weight_normal;
@@ -455,7 +455,7 @@ typedef struct lodsmith_options {
   struct lodsmith_length weld;
   // Parts with a smaller bounding box are removed first.
   struct lodsmith_length prune;
-  // Class of each region of the mesh, by the first region of the class; null if each is its own.
+  // Class of each region of the mesh, given by the first region of the class; null if each region is its own class.
   const uint32_t *region_classes;
   // Number of `region_classes`.
   size_t region_class_count;
@@ -467,27 +467,28 @@ typedef struct lodsmith_options {
   uint64_t seed;
 } lodsmith_options;
 
-// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1; in a job on
-// files, the share of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called
-// often, on the thread of the call, and must not throw an exception or jump out.
+// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the fraction of it that is done, from 0 to 1; in
+// a job on files, the fraction of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`.
+// It is called often, on the calling thread, and must not throw an exception or jump out (`longjmp`).
 typedef int32_t (*lodsmith_progress)(void *user, int32_t stage, double done);
 
 #if defined(LODSMITH_FILES)
-// A job on files. Fill it with zeros, set `size` and what the job needs. Texts are UTF-8 and end in a zero byte.
+// A job on files. Fill it with zeros, then set `size` and the fields that the job needs. Texts are UTF-8 and end with
+// a zero byte.
 typedef struct lodsmith_file_job {
   // `sizeof(lodsmith_file_job)` of the caller's header.
   size_t size;
-  // The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
+  // The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, like the subcommands of the command.
   const char *verb;
-  // Path of the file that is read.
+  // Path of the file to read.
   const char *input;
-  // Path of the detailed file that `bake` takes the maps from, for the lighter one in `input`; else null.
+  // For `bake`: path of the high-poly file that maps are baked from; `input` is the low-poly file. Else null.
   const char *detailed;
-  // Path of the file that is written; its extension names the format. Null with `info`, and to write nothing
-  // with `simplify`, `lod` and `clean`, of which only the report is wanted then.
+  // Path of the file to write; its extension determines the format. Null for `info`; with `simplify`, `lod` and
+  // `clean`, null writes nothing, and only the report is returned.
   const char *output;
-  // With `lod`, instead of `output`: path of a folder, which is made if it is not there, for a file for each level
-  // and their list `lods.json`; else null.
+  // For `lod`, instead of `output`: path of a folder, created if missing, for one file per level and the list
+  // `lods.json`. Else null.
   const char *out_dir;
   // Options of the subcommand as a JSON object, such as `{"ratio": 0.1, "bake": ["normal"]}`. Names have
   // underscores or dashes; flags are true or false. Null for none.
@@ -501,7 +502,7 @@ typedef struct lodsmith_distance {
   double forward;
   // From the result to the input.
   double backward;
-  // Both together.
+  // Both directions together: the larger of two maxima, the mean of two means.
   double symmetric;
 } lodsmith_distance;
 
@@ -515,7 +516,7 @@ typedef struct lodsmith_report {
   size_t input_vertices;
   // Triangles of the result.
   size_t faces;
-  // Positions of the result; seams have more vertices than positions.
+  // Positions of the result; at seams there are more vertices than positions.
   size_t positions;
   // 1 if a target was met, else 0.
   int32_t reached;
@@ -531,7 +532,7 @@ typedef struct lodsmith_report {
   struct lodsmith_distance mean;
   // Measured root-mean-square distance.
   struct lodsmith_distance rms;
-  // Largest distance measured.
+  // Largest measured distance.
   struct lodsmith_distance max;
   // Proven bound on the distance of any point; negative if none is guaranteed.
   double bound;
@@ -539,15 +540,15 @@ typedef struct lodsmith_report {
   double diagonal;
   // Collapses done.
   uint64_t collapses;
-  // Whole parts removed.
+  // Removed parts.
   size_t parts_removed;
   // Necks that were cut.
   size_t necks_cut;
   // Input vertices merged with another at the same position, or within the weld distance.
   size_t welded_vertices;
-  // Input faces left out: degenerate, duplicate, or with positions that are not finite.
+  // Input faces that were dropped: degenerate, duplicate, or with positions that are not finite.
   size_t dropped_faces;
-  // Number of changes of the options that would help a run that stopped short.
+  // Number of proposals: tested changes of the options that would let a stuck run continue.
   size_t proposals;
   // Time of the run in seconds.
   double seconds;
@@ -557,14 +558,14 @@ typedef struct lodsmith_report {
 extern "C" {
 #endif // __cplusplus
 
-// Simplifies a mesh as well as it can be done: the closest mesh for the count, with all its attributes.
+// Simplifies a mesh with the best quality: the closest mesh for the count, with all attributes.
 //
-// Returns `LODSMITH_OK` and a new result in `*result`, which the caller frees with `lodsmith_result_free`; or an error code,
-// with a text in `lodsmith_error_message` and null in `*result`. The mesh is only read, and not used after the call.
-// `progress` may be null; `user` is passed to it. Same mesh, options and seed, same result.
+// Returns `LODSMITH_OK` and a new result in `*result`, which the caller frees with `lodsmith_result_free`; or an error
+// code, with a text in `lodsmith_error_message` and null in `*result`. The mesh is only read, and not used after the
+// call. `progress` may be null; `user` is passed to it. The same mesh, options and seed give the same result.
 //
 // Conditions:
-// The structures must have the sizes that they say, and the buffers that they name their extents.
+// The structures must have the sizes that they state, and the buffers that they refer to the stated extents.
 int32_t lodsmith_simplify(const struct lodsmith_mesh_view *mesh,
                           const struct lodsmith_options *options,
                           lodsmith_progress progress,
@@ -575,27 +576,27 @@ int32_t lodsmith_simplify(const struct lodsmith_mesh_view *mesh,
 const char *lodsmith_version(void);
 
 // Returns the text of the error of the last call on this thread, in English, as UTF-8; null if that call
-// succeeded. The text is valid until the next call on this thread; copy it to keep it. (The functions that
-// only read a value, such as `lodsmith_result_vertex_count`, change nothing here.)
+// succeeded. The text is valid until the next call on this thread; copy it to keep it. (Functions that only read a
+// value, such as `lodsmith_result_vertex_count`, do not change it.)
 const char *lodsmith_error_message(void);
 
 #if defined(LODSMITH_FILES)
-// Does a job on files as the command does it: with the same options, the same bytes and the same report.
+// Does a job on files like the command: with the same options, the same bytes and the same report.
 //
-// Returns `LODSMITH_OK` and a new text in `*outcome`, which the caller frees with `lodsmith_text_free`; or an error code,
-// with a text in `lodsmith_error_message` and null in `*outcome`. The text is a JSON object: `report` is what the command
-// prints with `--json`, `warnings` and `faults` are lists of texts. With the option `strict`, warnings about lost data and
-// missed targets are faults; if there are any, the code is `LODSMITH_ERROR_STRICT`, and the files and the outcome are
-// there all the same.
+// Returns `LODSMITH_OK` and a new text in `*outcome`, which the caller frees with `lodsmith_text_free`; or an error
+// code, with a text in `lodsmith_error_message` and null in `*outcome`. The text is a JSON object: `report` is the
+// output of the command with `--json`, `warnings` and `faults` are lists of texts. With the option `strict`, warnings
+// about lost data and missed targets are faults; if there are any, the code is `LODSMITH_ERROR_STRICT`, and the files
+// are written and the outcome is returned nevertheless.
 //
-// `progress` may be null; `user` is passed to it. The share that it receives is that of the whole job, and never
-// decreases. After `LODSMITH_CANCEL` no further file is written. After `LODSMITH_FINISH` the best meshes so far are
-// written; a bake, which has no partial result, is cancelled instead. No file is written in part.
+// `progress` may be null; `user` is passed to it. It receives the fraction of the whole job that is done, which never
+// decreases. After `LODSMITH_CANCEL`, no further file is written. After `LODSMITH_FINISH`, the best meshes so far are
+// written; baking, which has no partial result, is cancelled instead. No file is written in part.
 //
-// Work is shared among the threads of the process, or among `threads` new ones if that option is set.
+// The job uses the shared thread pool of the process, or `threads` new threads if that option is set.
 //
 // Conditions:
-// The structure must have the size that it says, and its texts be null or end in a zero byte.
+// The structure must have the size that it states, and its texts must be null or end with a zero byte.
 int32_t lodsmith_run_file_job(const struct lodsmith_file_job *job,
                               lodsmith_progress progress,
                               void *user,
@@ -603,11 +604,11 @@ int32_t lodsmith_run_file_job(const struct lodsmith_file_job *job,
 #endif
 
 #if defined(LODSMITH_FILES)
-// Returns the characters of a text, in UTF-8 with a zero byte at the end; they are valid until the text is freed. Null for
-// null.
+// Returns the characters of a text, in UTF-8 with a zero byte at the end; they are valid until the text is freed. Null
+// for null.
 //
 // Conditions:
-// `text` must be null or a text that is not freed.
+// `text` must be null or a text that was not freed.
 const char *lodsmith_text_get(const struct lodsmith_text *text);
 #endif
 
@@ -619,28 +620,28 @@ const char *lodsmith_text_get(const struct lodsmith_text *text);
 void lodsmith_text_free(struct lodsmith_text *text);
 #endif
 
-// Simplifies an index buffer: the arguments are those of `meshopt_simplify`, in the same order.
+// Simplifies an index buffer, with the arguments of `meshopt_simplify` in the same order.
 //
-// Returns the number of indices written to `destination`, three for each triangle, all of them vertices of the
-// input; 0 with a text in `lodsmith_error_message` after an error, and then nothing was written.
+// Returns the number of indices written to `destination`: three vertices of the input for each triangle. After an
+// error, returns 0, with a text in `lodsmith_error_message`, and writes nothing.
 //
 // - `destination`: room for `index_count` indices; may be `indices`.
-// - `indices`: three for each triangle, counter-clockwise seen from outside. Vertices at equal positions under
-//   different indices are the sides of a seam; its sides stay together, and seams stay where they are.
+// - `indices`: three for each triangle, counter-clockwise seen from outside. Vertices at equal positions with
+//   different indices are the sides of a seam; the sides stay together, and seams keep their lines.
 // - `vertex_positions`: three floats every `vertex_positions_stride` bytes, for `vertex_count` vertices.
-// - `target_index_count`: the run ends at this number of indices, or before where topology or seams leave nothing to
+// - `target_index_count`: the run ends at this number of indices, or earlier if topology and seams permit no further
 //   collapse. Holes, handles and parts are kept, unless `options` has `LODSMITH_SIMPLIFY_PRUNE`.
-// - `target_error`: the run ends before the estimate of the error exceeds this share of the largest extent of the
+// - `target_error`: the run ends before the estimate of the error exceeds this fraction of the largest extent of the
 //   positions, or this length with `LODSMITH_SIMPLIFY_ERROR_ABSOLUTE`; `FLT_MAX` for no limit.
 // - `options`: flags `LODSMITH_SIMPLIFY_...`, or 0.
-// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It follows from the estimated
-//   root-mean-square distance, scaled so that an error limit leaves about as many triangles as meshoptimizer's.)
+// - `result_error`: null, or receives the estimate of the error, in the same unit. (It is computed from the estimated
+//   root-mean-square distance, scaled so that an error limit leaves about as many triangles as in meshoptimizer.)
 //
-// Faces without area or with positions that are not finite are left out, unless there is nothing to simplify. Same
-// input, same output. One thread.
+// Faces without area or with positions that are not finite are removed, unless the target is met already. The same
+// input gives the same output. Uses one thread.
 //
 // Conditions:
-// The buffers must have these extents; none but `destination` is written.
+// The buffers must have these extents; only `destination` is written.
 size_t lodsmith_simplify_indices(uint32_t *destination,
                                  const uint32_t *indices,
                                  size_t index_count,
@@ -652,17 +653,17 @@ size_t lodsmith_simplify_indices(uint32_t *destination,
                                  uint32_t options,
                                  float *result_error);
 
-// Simplifies an index buffer with attributes in the cost: the arguments are those of
-// `meshopt_simplifyWithAttributes`, in the same order.
+// Simplifies an index buffer with attributes in the cost, with the arguments of `meshopt_simplifyWithAttributes` in
+// the same order.
 //
-// As `lodsmith_simplify_indices`, and:
+// Like `lodsmith_simplify_indices`, with these additional arguments:
 // - `vertex_attributes`: `attribute_count` floats (up to 32) every `vertex_attributes_stride` bytes.
-// - `attribute_weights`: the weight of each attribute: a difference of 1 across a length counts like a distance of this
-//   share of the length. Attributes with the weight 0 are not read.
+// - `attribute_weights`: the weight of each attribute: with weight w, a difference of 1 over a length counts like a
+//   distance of w times the length. Attributes with weight 0 are not read.
 // - `vertex_lock`: null, or flags `LODSMITH_VERTEX_...` for each vertex.
 //
 // Conditions:
-// The buffers must have these extents; none but `destination` is written.
+// The buffers must have these extents; only `destination` is written.
 size_t lodsmith_simplify_indices_with_attributes(uint32_t *destination,
                                                  const uint32_t *indices,
                                                  size_t index_count,
@@ -679,16 +680,16 @@ size_t lodsmith_simplify_indices_with_attributes(uint32_t *destination,
                                                  uint32_t options,
                                                  float *result_error);
 
-// Simplifies an index buffer in place, with vertices that move for the least error: the arguments are those of
-// `meshopt_simplifyWithUpdate`, in the same order.
+// Simplifies an index buffer in place and moves vertices to minimise the error, with the arguments of
+// `meshopt_simplifyWithUpdate` in the same order.
 //
-// As `lodsmith_simplify_indices_with_attributes`, and `indices`, the positions and the attributes with a weight above 0
-// are changed: the vertices that the indices left name have new values, the others are as before. Seams are
-// where a weighted attribute differs between indices at one position; other indices of the position are merged. Permissive
-// seams have no effect here.
+// Like `lodsmith_simplify_indices_with_attributes`, but changes `indices`, the positions and the attributes with a
+// weight above 0: vertices that the remaining indices refer to get new values, other vertices keep theirs. A position
+// has a seam if a weighted attribute differs between its vertices; otherwise its vertices are merged.
+// `LODSMITH_SIMPLIFY_PERMISSIVE` has no effect here.
 //
 // Conditions:
-// The buffers must have these extents, and be writable but for `attribute_weights` and `vertex_lock`.
+// The buffers must have these extents, and all but `attribute_weights` and `vertex_lock` must be writable.
 size_t lodsmith_simplify_indices_with_update(uint32_t *indices,
                                              size_t index_count,
                                              float *vertex_positions,
@@ -704,13 +705,13 @@ size_t lodsmith_simplify_indices_with_update(uint32_t *indices,
                                              uint32_t options,
                                              float *result_error);
 
-// Fills options with the defaults and no target. `size` is `sizeof(lodsmith_options)`.
+// Initialises options with the defaults and without a target. `size` is `sizeof(lodsmith_options)`.
 //
 // Conditions:
 // `options` must have room for `size` bytes.
 int32_t lodsmith_options_init(struct lodsmith_options *options, size_t size);
 
-// Fills options with those of a preset and no target: one of `LODSMITH_PRESET_...`. `size` is
+// Initialises options with a preset, one of `LODSMITH_PRESET_...`, and without a target. `size` is
 // `sizeof(lodsmith_options)`.
 //
 // Conditions:
@@ -723,7 +724,8 @@ int32_t lodsmith_options_init_preset(struct lodsmith_options *options, size_t si
 // `result` must come from `lodsmith_simplify`, and is not valid afterwards.
 void lodsmith_result_free(struct lodsmith_result *result);
 
-// Returns the number of vertices of a result: several at one position are the sides of a seam. 0 for null.
+// Returns the number of vertices of a result; several vertices at the same position are the sides of a seam. 0 for
+// null.
 //
 // Conditions:
 // `result` must be null or a result.
@@ -735,27 +737,27 @@ size_t lodsmith_result_vertex_count(const struct lodsmith_result *result);
 // `result` must be null or a result.
 size_t lodsmith_result_index_count(const struct lodsmith_result *result);
 
-// Copies the indices, three for each triangle, into room for `capacity` of them.
+// Copies the indices, three for each triangle, into a buffer for `capacity` indices.
 //
 // Conditions:
-// `result` must be null or a result, and `indices` have that room.
+// `result` must be null or a result, and `indices` must have that capacity.
 int32_t lodsmith_result_copy_indices(const struct lodsmith_result *result,
                                      uint32_t *indices,
                                      size_t capacity);
 
-// Copies the positions, three floats every `stride` bytes, into room for `capacity` vertices.
+// Copies the positions, three floats every `stride` bytes, into a buffer for `capacity` vertices.
 //
 // Conditions:
-// `result` must be null or a result, and `positions` have that room.
+// `result` must be null or a result, and `positions` must have that capacity.
 int32_t lodsmith_result_copy_positions(const struct lodsmith_result *result,
                                        float *positions,
                                        size_t stride,
                                        size_t capacity);
 
-// Copies the positions, three doubles every `stride` bytes, into room for `capacity` vertices.
+// Copies the positions, three doubles every `stride` bytes, into a buffer for `capacity` vertices.
 //
 // Conditions:
-// `result` must be null or a result, and `positions` have that room.
+// `result` must be null or a result, and `positions` must have that capacity.
 int32_t lodsmith_result_copy_positions_f64(const struct lodsmith_result *result,
                                            double *positions,
                                            size_t stride,
@@ -764,7 +766,7 @@ int32_t lodsmith_result_copy_positions_f64(const struct lodsmith_result *result,
 // Copies the normals, three floats every `stride` bytes; an error if the input had none.
 //
 // Conditions:
-// `result` must be null or a result, and `normals` have room for `capacity` vertices.
+// `result` must be null or a result, and `normals` must have room for `capacity` vertices.
 int32_t lodsmith_result_copy_normals(const struct lodsmith_result *result,
                                      float *normals,
                                      size_t stride,
@@ -773,7 +775,7 @@ int32_t lodsmith_result_copy_normals(const struct lodsmith_result *result,
 // Copies the texture coordinates, two floats every `stride` bytes; an error if the input had none.
 //
 // Conditions:
-// `result` must be null or a result, and `uvs` have room for `capacity` vertices.
+// `result` must be null or a result, and `uvs` must have room for `capacity` vertices.
 int32_t lodsmith_result_copy_uvs(const struct lodsmith_result *result,
                                  float *uvs,
                                  size_t stride,
@@ -782,35 +784,35 @@ int32_t lodsmith_result_copy_uvs(const struct lodsmith_result *result,
 // Copies the colours, four floats every `stride` bytes; an error if the input had none.
 //
 // Conditions:
-// `result` must be null or a result, and `colors` have room for `capacity` vertices.
+// `result` must be null or a result, and `colors` must have room for `capacity` vertices.
 int32_t lodsmith_result_copy_colors(const struct lodsmith_result *result,
                                     float *colors,
                                     size_t stride,
                                     size_t capacity);
 
-// Copies the values of attribute number `attribute` of the input's view, as many floats as it has every `stride` bytes; an
-// error if the result does not carry it.
+// Copies the values of the attribute with index `attribute` in the view of the input: its `width` floats every
+// `stride` bytes. An error if the result does not have the attribute.
 //
 // Conditions:
-// `result` must be null or a result, and `values` have room for `capacity` vertices.
+// `result` must be null or a result, and `values` must have room for `capacity` vertices.
 int32_t lodsmith_result_copy_attribute(const struct lodsmith_result *result,
                                        size_t attribute,
                                        float *values,
                                        size_t stride,
                                        size_t capacity);
 
-// Copies the region of each triangle into room for `capacity` of them; all are 0 if the input had none.
+// Copies the region of each triangle into a buffer for `capacity` triangles; all are 0 if the input had no regions.
 //
 // Conditions:
-// `result` must be null or a result, and `regions` have that room.
+// `result` must be null or a result, and `regions` must have that capacity.
 int32_t lodsmith_result_copy_regions(const struct lodsmith_result *result,
                                      uint32_t *regions,
                                      size_t capacity);
 
-// Fills the report of a run; set its `size` before.
+// Fills the report of a run. Set its `size` first.
 //
 // Conditions:
-// `result` must be null or a result, and `report` null or as large as its size says.
+// `result` must be null or a result, and `report` must be null or as large as its size states.
 int32_t lodsmith_result_report(const struct lodsmith_result *result, struct lodsmith_report *report);
 
 #ifdef __cplusplus

@@ -12,22 +12,22 @@ use crate::mesh_view::LodsmithMeshView;
 use crate::options::LodsmithOptions;
 use crate::result::LodsmithResult;
 
-/// The run continues.
+/// Continue the run.
 pub const LODSMITH_CONTINUE: i32 = 0;
-/// The run ends soon, with the best mesh so far.
+/// End the run soon, with the best mesh so far.
 pub const LODSMITH_FINISH: i32 = 1;
-/// The run ends soon, with `LODSMITH_ERROR_CANCELLED`.
+/// End the run soon, with `LODSMITH_ERROR_CANCELLED`.
 pub const LODSMITH_CANCEL: i32 = 2;
 
 /// Welding, ordering and building the connectivity.
 pub const LODSMITH_STAGE_PREPARE: i32 = 0;
-/// Collapsing edges, or what the method does instead.
+/// Collapsing edges, or the main stage of another method.
 pub const LODSMITH_STAGE_SIMPLIFY: i32 = 1;
 /// The final fit.
 pub const LODSMITH_STAGE_FIT: i32 = 2;
 /// Measuring the result.
 pub const LODSMITH_STAGE_MEASURE: i32 = 3;
-/// Reading the input: this and the following are in jobs on files only.
+/// Reading the input. This and the following stages occur only in jobs on files.
 pub const LODSMITH_STAGE_READ: i32 = 4;
 /// Cleaning the meshes.
 pub const LODSMITH_STAGE_CLEAN: i32 = 5;
@@ -38,9 +38,9 @@ pub const LODSMITH_STAGE_BAKE: i32 = 7;
 /// Writing the output.
 pub const LODSMITH_STAGE_WRITE: i32 = 8;
 
-/// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the share of it that is done, from 0 to 1; in a job on
-/// files, the share of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`. It is called
-/// often, on the thread of the call, and must not throw an exception or jump out.
+/// Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the fraction of it that is done, from 0 to 1; in
+/// a job on files, the fraction of the whole job. Returns `LODSMITH_CONTINUE`, `LODSMITH_FINISH` or `LODSMITH_CANCEL`.
+/// It is called often, on the calling thread, and must not throw an exception or jump out (`longjmp`).
 pub type LodsmithProgress = Option<unsafe extern "C" fn(user: *mut c_void, stage: i32, done: f64) -> i32>;
 
 /// Returns the number of a stage in C.
@@ -53,7 +53,7 @@ pub(crate) fn stage_number(stage: Stage) -> i32 {
     }
 }
 
-/// Returns what a progress function asked for.
+/// Converts the answer of a progress function.
 pub(crate) fn verdict_of(answer: i32) -> Verdict {
     match answer {
         LODSMITH_CONTINUE => Verdict::Continue,
@@ -62,7 +62,7 @@ pub(crate) fn verdict_of(answer: i32) -> Verdict {
     }
 }
 
-/// Passes the progress on to the caller.
+/// Passes the progress to the caller.
 struct Callback {
     call: unsafe extern "C" fn(*mut c_void, i32, f64) -> i32,
     user: *mut c_void,
@@ -79,14 +79,14 @@ impl Control for Callback {
     }
 }
 
-/// Simplifies a mesh as well as it can be done: the closest mesh for the count, with all its attributes.
+/// Simplifies a mesh with the best quality: the closest mesh for the count, with all attributes.
 ///
-/// Returns `LODSMITH_OK` and a new result in `*result`, which the caller frees with `lodsmith_result_free`; or an error code,
-/// with a text in `lodsmith_error_message` and null in `*result`. The mesh is only read, and not used after the call.
-/// `progress` may be null; `user` is passed to it. Same mesh, options and seed, same result.
+/// Returns `LODSMITH_OK` and a new result in `*result`, which the caller frees with `lodsmith_result_free`; or an error
+/// code, with a text in `lodsmith_error_message` and null in `*result`. The mesh is only read, and not used after the
+/// call. `progress` may be null; `user` is passed to it. The same mesh, options and seed give the same result.
 ///
 /// # Safety
-/// The structures must have the sizes that they say, and the buffers that they name their extents.
+/// The structures must have the sizes that they state, and the buffers that they refer to the stated extents.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_simplify(
     mesh: *const LodsmithMeshView,
@@ -97,7 +97,7 @@ pub unsafe extern "C" fn lodsmith_simplify(
 ) -> i32 {
     code(&guarded(|| {
         if result.is_null() {
-            return Err(Fault::argument("there is no place for the result"));
+            return Err(Fault::argument("result is null"));
         }
         // SAFETY: the caller promises a pointer that may be written, and structures and buffers of their extents.
         let (mesh, options, data) = unsafe {

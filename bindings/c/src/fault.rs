@@ -1,4 +1,4 @@
-//! Errors: a code, and a text that the calling thread can ask for. No panic leaves the library.
+//! Errors: a code, and a text that the calling thread can query. No panic leaves the library.
 
 use std::cell::RefCell;
 use std::ffi::{CString, c_char};
@@ -13,22 +13,22 @@ use lodsmith_core::MeshError;
 pub const LODSMITH_OK: i32 = 0;
 /// An argument is not valid: a null pointer, a stride that is too small, an index that is out of range.
 pub const LODSMITH_ERROR_ARGUMENT: i32 = 1;
-/// An option is out of range or unknown, or does not go with the method, with another one or with the file.
+/// An option is unknown or out of range, or is incompatible with the method, with another option or with the file.
 pub const LODSMITH_ERROR_OPTION: i32 = 2;
 /// The mesh cannot be simplified or baked: no face has an area.
 pub const LODSMITH_ERROR_MESH: i32 = 3;
-/// The progress function asked for the end.
+/// The progress function cancelled the run.
 pub const LODSMITH_ERROR_CANCELLED: i32 = 4;
-/// A fault of the library.
+/// An internal error of the library.
 pub const LODSMITH_ERROR_INTERNAL: i32 = 5;
 /// A file cannot be read or written.
 pub const LODSMITH_ERROR_FILE: i32 = 6;
 /// A limit on memory, sizes or time forbids the job.
 pub const LODSMITH_ERROR_LIMIT: i32 = 7;
-/// The job is done, with faults that the option `strict` asks for.
+/// The job is done, but with losses or missed targets, which the option `strict` turns into errors.
 pub const LODSMITH_ERROR_STRICT: i32 = 8;
 
-/// An error on its way to the caller.
+/// An error for the caller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
     pub(crate) code: i32,
@@ -82,7 +82,7 @@ thread_local! {
 
 fn remember(text: Option<&str>) {
     let text = text.map(|text| CString::new(text.replace('\0', " ")).unwrap_or_default());
-    // While a thread ends, its storage may be gone already.
+    // While a thread ends, its storage may already be destroyed.
     _ = LAST.try_with(|last| {
         if let Ok(mut last) = last.try_borrow_mut() {
             *last = text;
@@ -90,16 +90,16 @@ fn remember(text: Option<&str>) {
     });
 }
 
-/// Runs the body of a function of the interface; a panic becomes a fault. Remembers the text of a fault for the
-/// calling thread, and forgets the one before.
+/// Runs the body of a function of the interface; a panic becomes a fault. Stores the text of a fault for the calling
+/// thread, replacing the previous text.
 pub(crate) fn guarded<T>(body: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
-    // (After a panic nothing of the body is used again, so no broken value can be seen.)
+    // (After a panic, no value of the body is used again.)
     let outcome = catch_unwind(AssertUnwindSafe(body));
     let outcome = outcome.unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("unknown");
-        let fault = Fault::internal(format!("a fault of the library: {text}"));
-        // A payload may panic again when it is dropped.
+        let fault = Fault::internal(format!("internal error: {text}"));
+        // The payload could panic again when it is dropped.
         std::mem::forget(panic);
         Err(fault)
     });
@@ -113,8 +113,8 @@ pub(crate) fn code(outcome: &Result<(), Fault>) -> i32 {
 }
 
 /// Returns the text of the error of the last call on this thread, in English, as UTF-8; null if that call
-/// succeeded. The text is valid until the next call on this thread; copy it to keep it. (The functions that
-/// only read a value, such as `lodsmith_result_vertex_count`, change nothing here.)
+/// succeeded. The text is valid until the next call on this thread; copy it to keep it. (Functions that only read a
+/// value, such as `lodsmith_result_vertex_count`, do not change it.)
 #[unsafe(no_mangle)]
 pub extern "C" fn lodsmith_error_message() -> *const c_char {
     LAST.try_with(|last| {
@@ -131,18 +131,18 @@ mod tests {
 
     fn message() -> Option<String> {
         let text = lodsmith_error_message();
-        // SAFETY: the text is null or a string of this thread, and no call comes in between.
+        // SAFETY: the text is null or a string of this thread, and no other call is made before it is copied.
         (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
     }
 
     #[test]
-    fn a_panic_becomes_a_fault_and_the_next_call_forgets_it() {
+    fn a_panic_becomes_an_error_and_the_next_call_clears_it() {
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(|_| {}));
         let outcome = guarded::<()>(|| panic!("number {}", 7));
         std::panic::set_hook(hook);
         assert_eq!(code(&outcome), LODSMITH_ERROR_INTERNAL);
-        assert_eq!(message().as_deref(), Some("a fault of the library: number 7"));
+        assert_eq!(message().as_deref(), Some("internal error: number 7"));
         assert_eq!(guarded(|| Ok(3)), Ok(3));
         assert_eq!(message(), None);
     }

@@ -1,4 +1,4 @@
-//! `lodsmith_run_file_job`: jobs on whole files, as the command does them.
+//! `lodsmith_run_file_job`: jobs on whole files, like those of the command.
 
 use std::ffi::{CString, c_char, c_void};
 use std::path::{Path, PathBuf};
@@ -24,23 +24,24 @@ use crate::fault::{
 };
 use crate::memory::{self, CStructure};
 
-/// A job on files. Fill it with zeros, set `size` and what the job needs. Texts are UTF-8 and end in a zero byte.
+/// A job on files. Fill it with zeros, then set `size` and the fields that the job needs. Texts are UTF-8 and end with
+/// a zero byte.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct LodsmithFileJob {
     /// `sizeof(lodsmith_file_job)` of the caller's header.
     pub size: usize,
-    /// The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, as the subcommands are called.
+    /// The job: `simplify`, `lod`, `clean`, `convert`, `bake` or `info`, like the subcommands of the command.
     pub verb: *const c_char,
-    /// Path of the file that is read.
+    /// Path of the file to read.
     pub input: *const c_char,
-    /// Path of the detailed file that `bake` takes the maps from, for the lighter one in `input`; else null.
+    /// For `bake`: path of the high-poly file that maps are baked from; `input` is the low-poly file. Else null.
     pub detailed: *const c_char,
-    /// Path of the file that is written; its extension names the format. Null with `info`, and to write nothing
-    /// with `simplify`, `lod` and `clean`, of which only the report is wanted then.
+    /// Path of the file to write; its extension determines the format. Null for `info`; with `simplify`, `lod` and
+    /// `clean`, null writes nothing, and only the report is returned.
     pub output: *const c_char,
-    /// With `lod`, instead of `output`: path of a folder, which is made if it is not there, for a file for each level
-    /// and their list `lods.json`; else null.
+    /// For `lod`, instead of `output`: path of a folder, created if missing, for one file per level and the list
+    /// `lods.json`. Else null.
     pub out_dir: *const c_char,
     /// Options of the subcommand as a JSON object, such as `{"ratio": 0.1, "bake": ["normal"]}`. Names have
     /// underscores or dashes; flags are true or false. Null for none.
@@ -52,7 +53,7 @@ unsafe impl CStructure for LodsmithFileJob {
     const NAME: &'static str = "lodsmith_file_job";
 }
 
-/// A text that the library made. Free it with `lodsmith_text_free`. It may be read by several threads at once.
+/// A text from the library. Free it with `lodsmith_text_free`. Several threads may read it at the same time.
 pub struct LodsmithText {
     text: CString,
 }
@@ -66,7 +67,7 @@ struct FileJob {
 }
 
 impl LodsmithFileJob {
-    /// A job with every field but `size` zero, the defaults.
+    /// A job with the defaults: all fields but `size` are zero.
     const EMPTY: Self = Self {
         size: size_of::<Self>(),
         verb: ptr::null(),
@@ -77,7 +78,7 @@ impl LodsmithFileJob {
         options: ptr::null(),
     };
 
-    /// Returns the job that is asked for.
+    /// Returns the requested job.
     ///
     /// # Safety
     /// Texts must be null or end with a zero byte.
@@ -97,14 +98,14 @@ impl LodsmithFileJob {
         let inputs = match (verb, detailed) {
             (Verb::Bake, Some(detailed)) => vec![detailed, input],
             (Verb::Bake, None) => return Err(Fault::argument("detailed is null: bake needs two files")),
-            (_, Some(_)) => return Err(Fault::argument("detailed: it goes with bake")),
+            (_, Some(_)) => return Err(Fault::argument("detailed: only for bake")),
             (_, None) => vec![input],
         };
         match (verb, &output, &out_dir) {
             (_, Some(_), Some(_)) => return Err(Fault::argument("output and out_dir: only one can be set")),
             (Verb::Info, Some(_), _) => return Err(Fault::argument("output: info writes no file")),
             (Verb::Lod, ..) | (_, _, None) => {}
-            (_, _, Some(_)) => return Err(Fault::argument("out_dir: it goes with lod")),
+            (_, _, Some(_)) => return Err(Fault::argument("out_dir: only for lod")),
         }
         let options = match given("options", self.options)? {
             Some(text) => match serde_json::from_str(&text) {
@@ -124,26 +125,26 @@ impl LodsmithFileJob {
 }
 
 impl FileJob {
-    /// Does the job in the present thread pool; `ask` is told the stage and the share that is done.
+    /// Does the job in the current thread pool; `ask` receives the stage and the fraction that is done.
     fn run_here(&self, ask: impl FnMut(i32, f64) -> Verdict) -> Result<Answer, Fault> {
         let mut watch = FileWatch::new(ask);
         let made = self.request.run(&self.inputs, self.output.as_ref(), self.out_dir.as_deref(), &mut watch);
         match (made, watch.verdict) {
-            // It had no step left that could be cut short.
+            // No step was left that could be cancelled.
             (Ok(_), Verdict::Cancel) if !watch.has_written => Err(AssetError::Cancelled.into()),
             (Err(AssetError::Input { problem, .. }), Verdict::Finish)
                 if matches!(*problem, AssetError::BakeTimeout) =>
             {
                 Err(Fault {
                     code: LODSMITH_ERROR_CANCELLED,
-                    text: "the progress function ended the bake, which has no partial result".to_owned(),
+                    text: "the progress function ended baking, which has no partial result".to_owned(),
                 })
             }
             (made, _) => Ok(made?),
         }
     }
 
-    /// Does the job in as many threads as it asks for. `ask` is called by this thread.
+    /// Does the job with the number of threads in its options. This thread calls `ask`.
     fn run(&self, mut ask: impl FnMut(i32, f64) -> Verdict) -> Result<Answer, Fault> {
         let Some(threads) = self.request.threads() else { return self.run_here(ask) };
         let pool = ThreadPoolBuilder::new().num_threads(threads).build();
@@ -177,7 +178,7 @@ struct FileWatch<F> {
     /// False while a step has no stages of the engine.
     has_stages: bool,
     progress: JobProgress,
-    /// The last answer of the progress function: go on, or stop.
+    /// The last answer of the progress function.
     verdict: Verdict,
     has_written: bool,
 }
@@ -188,8 +189,8 @@ impl<F: FnMut(i32, f64) -> Verdict> FileWatch<F> {
         Self { ask, stage, has_stages: false, progress: JobProgress::default(), verdict, has_written: false }
     }
 
-    /// Tells the caller how far the job is. An end that was asked for stays so: the job may have several runs.
-    fn tell(&mut self) -> Verdict {
+    /// Reports the progress to the caller. After a finish or cancel, does not ask again: the job may have several runs.
+    fn report_progress(&mut self) -> Verdict {
         if self.verdict != Verdict::Cancel {
             match (self.ask)(self.stage, self.progress.done()) {
                 Verdict::Continue => {}
@@ -205,12 +206,12 @@ impl<F: FnMut(i32, f64) -> Verdict> Control for FileWatch<F> {
         if self.has_stages {
             self.stage = stage_number(stage);
             self.progress.stage(stage);
-            self.tell();
+            self.report_progress();
         }
     }
     fn progress(&mut self, done: f64) -> Verdict {
         self.progress.within(done);
-        self.tell()
+        self.report_progress()
     }
 }
 
@@ -226,7 +227,7 @@ impl<F: FnMut(i32, f64) -> Verdict> Watch for FileWatch<F> {
             _ => stage_number(Stage::Prepare),
         };
         self.progress.step(step);
-        self.tell();
+        self.report_progress();
     }
     fn while_writing(&mut self, _: &Path, write: &mut dyn FnMut()) -> bool {
         let may_write = self.verdict != Verdict::Cancel;
@@ -261,28 +262,28 @@ fn code_of(error: &AssetError) -> i32 {
 
 impl From<AssetError> for Fault {
     fn from(error: AssetError) -> Self {
-        // The option for a folder has no long name on a command line.
+        // The option for a folder has only a short name on the command line.
         let text = Spelling::Keyword.apply(&error.to_string()).replace(" -O", " out_dir");
         Self { code: code_of(&error), text }
     }
 }
 
-/// Does a job on files as the command does it: with the same options, the same bytes and the same report.
+/// Does a job on files like the command: with the same options, the same bytes and the same report.
 ///
-/// Returns `LODSMITH_OK` and a new text in `*outcome`, which the caller frees with `lodsmith_text_free`; or an error code,
-/// with a text in `lodsmith_error_message` and null in `*outcome`. The text is a JSON object: `report` is what the command
-/// prints with `--json`, `warnings` and `faults` are lists of texts. With the option `strict`, warnings about lost data and
-/// missed targets are faults; if there are any, the code is `LODSMITH_ERROR_STRICT`, and the files and the outcome are
-/// there all the same.
+/// Returns `LODSMITH_OK` and a new text in `*outcome`, which the caller frees with `lodsmith_text_free`; or an error
+/// code, with a text in `lodsmith_error_message` and null in `*outcome`. The text is a JSON object: `report` is the
+/// output of the command with `--json`, `warnings` and `faults` are lists of texts. With the option `strict`, warnings
+/// about lost data and missed targets are faults; if there are any, the code is `LODSMITH_ERROR_STRICT`, and the files
+/// are written and the outcome is returned nevertheless.
 ///
-/// `progress` may be null; `user` is passed to it. The share that it receives is that of the whole job, and never
-/// decreases. After `LODSMITH_CANCEL` no further file is written. After `LODSMITH_FINISH` the best meshes so far are
-/// written; a bake, which has no partial result, is cancelled instead. No file is written in part.
+/// `progress` may be null; `user` is passed to it. It receives the fraction of the whole job that is done, which never
+/// decreases. After `LODSMITH_CANCEL`, no further file is written. After `LODSMITH_FINISH`, the best meshes so far are
+/// written; baking, which has no partial result, is cancelled instead. No file is written in part.
 ///
-/// Work is shared among the threads of the process, or among `threads` new ones if that option is set.
+/// The job uses the shared thread pool of the process, or `threads` new threads if that option is set.
 ///
 /// # Safety
-/// The structure must have the size that it says, and its texts be null or end in a zero byte.
+/// The structure must have the size that it states, and its texts must be null or end with a zero byte.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_run_file_job(
     job: *const LodsmithFileJob,
@@ -292,7 +293,7 @@ pub unsafe extern "C" fn lodsmith_run_file_job(
 ) -> i32 {
     code(&guarded(|| {
         if outcome.is_null() {
-            return Err(Fault::argument("there is no place for the outcome"));
+            return Err(Fault::argument("outcome is null"));
         }
         // SAFETY: the caller promises a pointer that may be written, and a structure of its size with texts.
         let job = unsafe {
@@ -317,11 +318,11 @@ pub unsafe extern "C" fn lodsmith_run_file_job(
     }))
 }
 
-/// Returns the characters of a text, in UTF-8 with a zero byte at the end; they are valid until the text is freed. Null for
-/// null.
+/// Returns the characters of a text, in UTF-8 with a zero byte at the end; they are valid until the text is freed. Null
+/// for null.
 ///
 /// # Safety
-/// `text` must be null or a text that is not freed.
+/// `text` must be null or a text that was not freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_text_get(text: *const LodsmithText) -> *const c_char {
     // SAFETY: promised by the caller.
@@ -335,7 +336,7 @@ pub unsafe extern "C" fn lodsmith_text_get(text: *const LodsmithText) -> *const 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_text_free(text: *mut LodsmithText) {
     if !text.is_null() {
-        // SAFETY: the pointer was made by `Box::into_raw`, and the caller gives it back.
+        // SAFETY: the pointer comes from `Box::into_raw`, and the caller returns it.
         drop(unsafe { Box::from_raw(text) });
     }
 }

@@ -1,4 +1,4 @@
-//! The functions that have the arguments of meshoptimizer's, in its order.
+//! The functions with the arguments of meshoptimizer, in its order.
 
 use lodsmith_bindings::indices::{
     IndexAttributes, IndexCall, IndexError, IndexResult, UpdateResult, simplify_indices as run_indices,
@@ -8,7 +8,7 @@ use lodsmith_bindings::indices::{
 use crate::fault::{Fault, guarded};
 use crate::memory::{self, Rows, RowsMut};
 
-/// The buffers of a call that are read.
+/// The buffers that a call reads.
 struct Buffers<'a> {
     indices: Vec<u32>,
     positions: Rows<'a, f32>,
@@ -20,7 +20,7 @@ struct Buffers<'a> {
 
 /// The limits of a call, and its flags.
 #[derive(Clone, Copy)]
-struct Wanted {
+struct IndexTarget {
     target_index_count: usize,
     target_error: f32,
     flags: u32,
@@ -30,7 +30,7 @@ impl Buffers<'_> {
     /// Runs one of the functions of the library with these buffers.
     fn run<T>(
         &self,
-        wanted: Wanted,
+        target: IndexTarget,
         run: impl FnOnce(&IndexCall<'_>) -> Result<T, IndexError>,
     ) -> Result<T, Fault> {
         let value = |i: usize, k: usize| self.attributes.as_ref().map_or(0.0, |rows| rows.get(i, k));
@@ -45,15 +45,15 @@ impl Buffers<'_> {
             position: &|i| self.positions.row(i),
             attributes: (!self.weights.is_empty()).then_some(attributes),
             vertex_flags: self.vertex_lock.as_ref().map(|_| &flags as &dyn Fn(usize) -> u8),
-            target_index_count: wanted.target_index_count,
-            target_error: wanted.target_error,
-            flags: wanted.flags,
+            target_index_count: target.target_index_count,
+            target_error: target.target_error,
+            flags: target.flags,
         };
         Ok(run(&call)?)
     }
 }
 
-/// The arguments that describe buffers which are read.
+/// The arguments that describe the buffers to read.
 struct Arguments {
     indices: *const u32,
     index_count: usize,
@@ -96,7 +96,7 @@ impl Arguments {
     }
 }
 
-/// Writes the indices of a result, which are no more than the caller has room for.
+/// Writes the indices of a result, which fit into the buffer of the caller.
 ///
 /// # Safety
 /// `to` must have room for `room` numbers.
@@ -110,28 +110,28 @@ unsafe fn write(to: *mut u32, room: usize, indices: &[u32]) -> Result<(), Fault>
     Ok(())
 }
 
-/// Simplifies an index buffer: the arguments are those of `meshopt_simplify`, in the same order.
+/// Simplifies an index buffer, with the arguments of `meshopt_simplify` in the same order.
 ///
-/// Returns the number of indices written to `destination`, three for each triangle, all of them vertices of the
-/// input; 0 with a text in `lodsmith_error_message` after an error, and then nothing was written.
+/// Returns the number of indices written to `destination`: three vertices of the input for each triangle. After an
+/// error, returns 0, with a text in `lodsmith_error_message`, and writes nothing.
 ///
 /// - `destination`: room for `index_count` indices; may be `indices`.
-/// - `indices`: three for each triangle, counter-clockwise seen from outside. Vertices at equal positions under
-///   different indices are the sides of a seam; its sides stay together, and seams stay where they are.
+/// - `indices`: three for each triangle, counter-clockwise seen from outside. Vertices at equal positions with
+///   different indices are the sides of a seam; the sides stay together, and seams keep their lines.
 /// - `vertex_positions`: three floats every `vertex_positions_stride` bytes, for `vertex_count` vertices.
-/// - `target_index_count`: the run ends at this number of indices, or before where topology or seams leave nothing to
+/// - `target_index_count`: the run ends at this number of indices, or earlier if topology and seams permit no further
 ///   collapse. Holes, handles and parts are kept, unless `options` has `LODSMITH_SIMPLIFY_PRUNE`.
-/// - `target_error`: the run ends before the estimate of the error exceeds this share of the largest extent of the
+/// - `target_error`: the run ends before the estimate of the error exceeds this fraction of the largest extent of the
 ///   positions, or this length with `LODSMITH_SIMPLIFY_ERROR_ABSOLUTE`; `FLT_MAX` for no limit.
 /// - `options`: flags `LODSMITH_SIMPLIFY_...`, or 0.
-/// - `result_error`: the estimate of the error, in the same unit, if it is not null. (It follows from the estimated
-///   root-mean-square distance, scaled so that an error limit leaves about as many triangles as meshoptimizer's.)
+/// - `result_error`: null, or receives the estimate of the error, in the same unit. (It is computed from the estimated
+///   root-mean-square distance, scaled so that an error limit leaves about as many triangles as in meshoptimizer.)
 ///
-/// Faces without area or with positions that are not finite are left out, unless there is nothing to simplify. Same
-/// input, same output. One thread.
+/// Faces without area or with positions that are not finite are removed, unless the target is met already. The same
+/// input gives the same output. Uses one thread.
 ///
 /// # Safety
-/// The buffers must have these extents; none but `destination` is written.
+/// The buffers must have these extents; only `destination` is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_simplify_indices(
     destination: *mut u32,
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn lodsmith_simplify_indices(
     options: u32,
     result_error: *mut f32,
 ) -> usize {
-    // SAFETY: the buffers have the extents that the caller promises; no attributes and no locks are there.
+    // SAFETY: the buffers have the extents that the caller promises; there are no attributes and no locks.
     unsafe {
         lodsmith_simplify_indices_with_attributes(
             destination,
@@ -167,17 +167,17 @@ pub unsafe extern "C" fn lodsmith_simplify_indices(
     }
 }
 
-/// Simplifies an index buffer with attributes in the cost: the arguments are those of
-/// `meshopt_simplifyWithAttributes`, in the same order.
+/// Simplifies an index buffer with attributes in the cost, with the arguments of `meshopt_simplifyWithAttributes` in
+/// the same order.
 ///
-/// As `lodsmith_simplify_indices`, and:
+/// Like `lodsmith_simplify_indices`, with these additional arguments:
 /// - `vertex_attributes`: `attribute_count` floats (up to 32) every `vertex_attributes_stride` bytes.
-/// - `attribute_weights`: the weight of each attribute: a difference of 1 across a length counts like a distance of this
-///   share of the length. Attributes with the weight 0 are not read.
+/// - `attribute_weights`: the weight of each attribute: with weight w, a difference of 1 over a length counts like a
+///   distance of w times the length. Attributes with weight 0 are not read.
 /// - `vertex_lock`: null, or flags `LODSMITH_VERTEX_...` for each vertex.
 ///
 /// # Safety
-/// The buffers must have these extents; none but `destination` is written.
+/// The buffers must have these extents; only `destination` is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_simplify_indices_with_attributes(
     destination: *mut u32,
@@ -212,10 +212,10 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_attributes(
             attribute_count,
             vertex_lock,
         };
-        let wanted = Wanted { target_index_count, target_error, flags: options };
+        let target = IndexTarget { target_index_count, target_error, flags: options };
         // SAFETY: the caller promises the extents of all buffers.
         let buffers = unsafe { arguments.buffers() }?;
-        let IndexResult { indices, error } = buffers.run(wanted, run_indices)?;
+        let IndexResult { indices, error } = buffers.run(target, run_indices)?;
         // SAFETY: the caller promises room for `index_count` indices; the input has been read.
         unsafe { write(destination, index_count, &indices) }?;
         Ok((indices.len(), error))
@@ -225,16 +225,16 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_attributes(
     outcome.map_or(0, |done| done.0)
 }
 
-/// Simplifies an index buffer in place, with vertices that move for the least error: the arguments are those of
-/// `meshopt_simplifyWithUpdate`, in the same order.
+/// Simplifies an index buffer in place and moves vertices to minimise the error, with the arguments of
+/// `meshopt_simplifyWithUpdate` in the same order.
 ///
-/// As `lodsmith_simplify_indices_with_attributes`, and `indices`, the positions and the attributes with a weight above 0
-/// are changed: the vertices that the indices left name have new values, the others are as before. Seams are
-/// where a weighted attribute differs between indices at one position; other indices of the position are merged. Permissive
-/// seams have no effect here.
+/// Like `lodsmith_simplify_indices_with_attributes`, but changes `indices`, the positions and the attributes with a
+/// weight above 0: vertices that the remaining indices refer to get new values, other vertices keep theirs. A position
+/// has a seam if a weighted attribute differs between its vertices; otherwise its vertices are merged.
+/// `LODSMITH_SIMPLIFY_PERMISSIVE` has no effect here.
 ///
 /// # Safety
-/// The buffers must have these extents, and be writable but for `attribute_weights` and `vertex_lock`.
+/// The buffers must have these extents, and all but `attribute_weights` and `vertex_lock` must be writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_simplify_indices_with_update(
     indices: *mut u32,
@@ -268,13 +268,13 @@ pub unsafe extern "C" fn lodsmith_simplify_indices_with_update(
             attribute_count,
             vertex_lock,
         };
-        let wanted = Wanted { target_index_count, target_error, flags: options };
+        let target = IndexTarget { target_index_count, target_error, flags: options };
         // SAFETY: the caller promises the extents of all buffers.
         let buffers = unsafe { arguments.buffers() }?;
-        let result = buffers.run(wanted, simplify_with_update)?;
+        let result = buffers.run(target, simplify_with_update)?;
         drop(buffers);
         let UpdateResult { indices: left, error, vertices, columns } = result;
-        // SAFETY: the caller promises that these buffers are writable; the views of them that were read are gone.
+        // SAFETY: the caller promises that these buffers are writable; the views for reading no longer exist.
         unsafe {
             write(indices, index_count, &left)?;
             let shape = [vertex_count, 3, vertex_positions_stride];

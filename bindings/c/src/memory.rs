@@ -1,4 +1,4 @@
-//! The caller's buffers: every pointer that a caller passes is read or written here, through a view whose rows are
+//! The buffers of the caller: every pointer that a caller passes is read or written here, through a view whose rows are
 //! checked.
 
 use std::ffi::{CStr, c_char};
@@ -6,14 +6,14 @@ use std::marker::PhantomData;
 
 use crate::fault::Fault;
 
-/// Plain numbers, for which all bits are valid.
+/// Number types for which all bit patterns are valid.
 pub(crate) trait Number: Copy + Default {}
 impl Number for f32 {}
 impl Number for f64 {}
 impl Number for u32 {}
 impl Number for u8 {}
 
-/// Rows of numbers in the caller's memory, which are only read: `width` numbers every `stride` bytes.
+/// Rows of numbers in memory of the caller, which are only read: `width` numbers every `stride` bytes.
 #[derive(Clone, Copy)]
 pub(crate) struct Rows<'a, T> {
     first: *const T,
@@ -27,7 +27,7 @@ impl<'a, T: Number> Rows<'a, T> {
     /// Returns a view of a buffer; `None` for a null pointer.
     ///
     /// # Errors
-    /// If the stride is smaller than a row, or the rows are more than an address space holds.
+    /// If the stride is smaller than a row, or if the rows do not fit into an address space.
     ///
     /// # Safety
     /// Unless `first` is null, the memory of `count` rows of `width` numbers, `stride` bytes apart, must be readable
@@ -59,7 +59,7 @@ impl<'a, T: Number> Rows<'a, T> {
     /// Returns row `i`.
     ///
     /// # Panics
-    /// If there is no such row, or it is shorter.
+    /// If there is no such row, or if it is shorter.
     #[inline(always)]
     pub(crate) fn row<const N: usize>(&self, i: usize) -> [T; N] {
         std::array::from_fn(|k| self.get(i, k))
@@ -76,7 +76,7 @@ impl<'a, T: Number> Rows<'a, T> {
     }
 }
 
-/// Rows of numbers in the caller's memory that are written.
+/// Rows of numbers in memory of the caller, which are written.
 pub(crate) struct RowsMut<'a, T> {
     first: *mut T,
     count: usize,
@@ -92,8 +92,8 @@ impl<T: Number> RowsMut<'_, T> {
     /// If the pointer is null although there are rows, or for the reasons of [`Rows::new`].
     ///
     /// # Safety
-    /// Unless `first` is null, the memory of `count` rows must be writable and not used by others during the life of
-    /// the view. It need not be aligned.
+    /// Unless `first` is null, the memory of `count` rows must be writable and not used by others while the view
+    /// exists. It need not be aligned.
     pub(crate) unsafe fn new(
         name: &str,
         first: *mut T,
@@ -120,7 +120,7 @@ impl<T: Number> RowsMut<'_, T> {
     /// Writes rows from the first one on.
     ///
     /// # Panics
-    /// If there are more than the view has, or they are longer.
+    /// If there are more rows than in the view, or if they are longer.
     pub(crate) fn set_rows<const N: usize>(&mut self, rows: impl IntoIterator<Item = [T; N]>) {
         for (i, row) in rows.into_iter().enumerate() {
             for (k, x) in row.into_iter().enumerate() {
@@ -133,19 +133,21 @@ impl<T: Number> RowsMut<'_, T> {
 fn check_extent<T>(name: &str, [count, width, stride]: [usize; 3]) -> Result<(), Fault> {
     let row = width.checked_mul(size_of::<T>());
     let Some(row) = row.filter(|row| *row <= stride || count < 2) else {
-        return Err(Fault::argument(format!("{name} has a stride of {stride} bytes, less than a row")));
+        return Err(Fault::argument(format!(
+            "{name} has a stride of {stride} bytes, which is less than a row"
+        )));
     };
     let extent = count.saturating_sub(1).checked_mul(stride).and_then(|before| before.checked_add(row));
     match extent.filter(|extent| isize::try_from(*extent).is_ok()) {
         Some(_) => Ok(()),
-        None => Err(Fault::argument(format!("{name} has {count} rows, more than memory holds"))),
+        None => Err(Fault::argument(format!("{name} has {count} rows, which do not fit into memory"))),
     }
 }
 
 /// Returns the numbers of a buffer without gaps.
 ///
 /// # Errors
-/// If it is null although there are numbers, or they are more than an address space holds.
+/// If it is null although there are numbers, or if they do not fit into an address space.
 ///
 /// # Safety
 /// As for [`Rows::new`].
@@ -173,7 +175,7 @@ pub(crate) unsafe fn set<T: Number>(to: *mut T, x: T) {
 /// Returns a text.
 ///
 /// # Errors
-/// If it is null or no UTF-8.
+/// If it is null or not UTF-8.
 ///
 /// # Safety
 /// Unless it is null, it must end with a zero byte, and not be written by others.
@@ -186,20 +188,20 @@ pub(crate) unsafe fn text(name: &str, text: *const c_char) -> Result<String, Fau
     text.to_str().map(str::to_owned).map_err(|_| Fault::argument(format!("{name} is not UTF-8")))
 }
 
-/// A structure that a caller passes: numbers and pointers only, so that all bits are valid, with its size as the
-/// first field.
+/// A structure that a caller passes: only numbers and pointers, so that all bit patterns are valid, with its size as
+/// the first field.
 ///
 /// # Safety
-/// The type must be `repr(C)`, valid for all bits, and begin with a `usize`.
+/// The type must be `repr(C)`, valid for all bit patterns, and start with a `usize`.
 pub(crate) unsafe trait CStructure: Copy {
     /// Its name in C.
     const NAME: &'static str;
 }
 
-/// Returns the size that a structure of the caller says it has.
+/// Returns the size that a structure of the caller states.
 ///
 /// # Errors
-/// If it is null, or its size is larger than this library knows, or not set.
+/// If it is null, or if its size is not set or larger than this library knows.
 ///
 /// # Safety
 /// Unless it is null, the size must be readable.
@@ -208,33 +210,33 @@ unsafe fn size_of_caller<T: CStructure>(from: *const T) -> Result<usize, Fault> 
     if from.is_null() {
         return Err(Fault::argument(format!("{name} is null")));
     }
-    // SAFETY: the structure begins with its size, which the caller promises to be readable.
+    // SAFETY: the structure starts with its size, which the caller promises to be readable.
     let size = unsafe { from.cast::<usize>().read_unaligned() };
     if size < size_of::<usize>() || size > most {
         return Err(Fault::argument(format!(
-            "{name} has the size {size}: set it to sizeof, at most {most} in this version"
+            "{name} has the size {size}: set it to sizeof, which is at most {most} in this version"
         )));
     }
     Ok(size)
 }
 
-/// Returns a structure of which the caller has the first `size` bytes; the others are those of `known`. A caller
-/// with an older header has a smaller structure.
+/// Returns a structure with the first `size` bytes from the caller and the others from `known`. A caller with an older
+/// header has a smaller structure.
 ///
 /// # Errors
-/// If it is null, or its size is larger than this library knows, or not set.
+/// If it is null, or if its size is not set or larger than this library knows.
 ///
 /// # Safety
 /// Unless it is null, its first `size` bytes must be readable.
 pub(crate) unsafe fn sized<T: CStructure>(from: *const T, mut known: T) -> Result<T, Fault> {
     // SAFETY: promised by the caller.
     let size = unsafe { size_of_caller(from) }?;
-    // SAFETY: `size` bytes are readable, and no more than `known` has; all bits are valid for the type.
+    // SAFETY: `size` bytes are readable, and at most the size of `known`; all bit patterns are valid for the type.
     unsafe { std::ptr::copy_nonoverlapping(from.cast::<u8>(), (&raw mut known).cast::<u8>(), size) };
     Ok(known)
 }
 
-/// Writes as much of a structure as the caller has room for; the first field is left as it is.
+/// Writes as much of a structure as fits into the structure of the caller; the first field is not changed.
 ///
 /// # Errors
 /// As for [`sized`].
@@ -245,7 +247,7 @@ pub(crate) unsafe fn set_sized<T: CStructure>(to: *mut T, value: &T) -> Result<(
     // SAFETY: promised by the caller.
     let size = unsafe { size_of_caller(to.cast_const()) }?;
     let skip = size_of::<usize>();
-    // SAFETY: `size` bytes are writable, and no more than `value` has; the caller's own size stays.
+    // SAFETY: `size` bytes are writable, and at most the size of `value`; the size field of the caller is kept.
     unsafe {
         let from = std::ptr::from_ref(value).cast::<u8>().add(skip);
         std::ptr::copy_nonoverlapping(from, to.cast::<u8>().add(skip), size - skip);
@@ -281,7 +283,7 @@ mod tests {
         assert_eq!(of([1, 4, 0]), Ok(true));
         // SAFETY: there is no memory.
         let none = unsafe { Rows::new("rows", std::ptr::null::<f32>(), [9, 3, 0]) };
-        assert!(none.is_ok_and(|none| none.is_none()), "a buffer that is not there has no stride");
+        assert!(none.is_ok_and(|none| none.is_none()), "a null buffer has no stride");
     }
 
     #[test]

@@ -10,17 +10,17 @@ use lodsmith_core::{Attribute, Positions, RegionId, Semantic, TriMesh, VertexId}
 use crate::fault::Fault;
 use crate::memory::{self, CStructure, Rows};
 
-/// Values under a name that may be blended.
+/// Named values that are interpolated.
 pub const LODSMITH_ATTRIBUTE_CUSTOM: i32 = 0;
-/// Whole numbers under a name that are never blended; exact up to 16,777,216.
+/// Named whole numbers that are never interpolated; exact up to 16,777,216.
 pub const LODSMITH_ATTRIBUTE_DISCRETE: i32 = 1;
 /// Four values: a direction, and the sign of the bitangent.
 pub const LODSMITH_ATTRIBUTE_TANGENT: i32 = 2;
-/// Two values: texture coordinates of a further set, from 1.
+/// Two values: texture coordinates of an additional set, from 1.
 pub const LODSMITH_ATTRIBUTE_UV: i32 = 3;
-/// Four values: colours of a further set, from 1.
+/// Four values: colours of an additional set, from 1.
 pub const LODSMITH_ATTRIBUTE_COLOR: i32 = 4;
-/// Four values: joint numbers of a skin.
+/// Four values: joint indices of a skin.
 pub const LODSMITH_ATTRIBUTE_JOINTS: i32 = 5;
 /// Four values: weights of the joints of the same set.
 pub const LODSMITH_ATTRIBUTE_WEIGHTS: i32 = 6;
@@ -37,9 +37,9 @@ pub const LODSMITH_ATTRIBUTE_MORPH_TANGENT: i32 = 9;
 pub struct LodsmithAttribute {
     /// One of `LODSMITH_ATTRIBUTE_...`.
     pub kind: i32,
-    /// Number of the set or morph target, for the kinds that have several.
+    /// Index of the set or morph target, for kinds that have several.
     pub set: u32,
-    /// Name, in UTF-8, for the kinds custom and discrete; else it may be null.
+    /// Name, in UTF-8, for custom and discrete attributes; may be null for other kinds.
     pub name: *const c_char,
     /// Number of values for each vertex.
     pub width: usize,
@@ -49,14 +49,14 @@ pub struct LodsmithAttribute {
     pub stride: usize,
 }
 
-/// A mesh in the caller's memory, which is only read. Fill it with zeros, set `size` and what there is. Strides are in
-/// bytes.
+/// A mesh in memory of the caller, which is only read. Fill it with zeros, then set `size` and the fields that the mesh
+/// has. Strides are in bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct LodsmithMeshView {
     /// `sizeof(lodsmith_mesh_view)` of the caller's header.
     pub size: usize,
-    /// Number of vertices. Several vertices at one position are the sides of a seam.
+    /// Number of vertices. Several vertices at the same position are the sides of a seam.
     pub vertex_count: usize,
     /// Three floats for each vertex; null if the positions are doubles.
     pub positions: *const f32,
@@ -64,7 +64,7 @@ pub struct LodsmithMeshView {
     pub positions_f64: *const f64,
     /// Bytes from one position to the next.
     pub positions_stride: usize,
-    /// Three for each triangle, counter-clockwise seen from outside.
+    /// Three indices for each triangle, counter-clockwise seen from outside.
     pub indices: *const u32,
     /// Number of indices.
     pub index_count: usize,
@@ -80,13 +80,13 @@ pub struct LodsmithMeshView {
     pub colors: *const f32,
     /// Bytes from one colour to the next.
     pub colors_stride: usize,
-    /// Further attributes; may be null.
+    /// Additional attributes; may be null.
     pub attributes: *const LodsmithAttribute,
     /// Number of `attributes`.
     pub attribute_count: usize,
-    /// The region of each triangle (a material, a group), without gaps; may be null.
+    /// The region (such as a material or group) of each triangle, without gaps; may be null.
     pub regions: *const u32,
-    /// Not 0 for each vertex that keeps its position and attributes, without gaps; may be null.
+    /// Not 0 for each vertex that must keep its position and attributes, without gaps; may be null.
     pub locked: *const u8,
     /// Importance of each vertex, 1 is neutral, without gaps; may be null.
     pub importance: *const f32,
@@ -98,7 +98,7 @@ unsafe impl CStructure for LodsmithMeshView {
 }
 
 impl LodsmithMeshView {
-    /// A view without anything.
+    /// A view of an empty mesh.
     pub const EMPTY: Self = Self {
         size: size_of::<Self>(),
         vertex_count: 0,
@@ -130,7 +130,7 @@ impl LodsmithMeshView {
         let indices = unsafe { memory::numbers("indices", self.indices, self.index_count) }?;
         let (faces, rest) = indices.as_chunks::<3>();
         if !rest.is_empty() {
-            return Err(Fault::argument(format!("{} indices are no multiple of three", self.index_count)));
+            return Err(Fault::argument(format!("{} indices are not a multiple of three", self.index_count)));
         }
         let triangles = faces.iter().map(|t| t.map(VertexId)).collect();
         let shape = [n, 3, self.positions_stride];
@@ -167,7 +167,7 @@ impl LodsmithMeshView {
         Ok(mesh)
     }
 
-    /// Copies the further attributes.
+    /// Copies the additional attributes.
     ///
     /// # Safety
     /// The list must have its length, and each attribute its extent.
@@ -185,14 +185,14 @@ impl LodsmithMeshView {
             };
             let values = values.ok_or_else(|| Fault::argument(format!("attribute {i} has no values")))?;
             if all.iter().any(|other| other.semantic == semantic) {
-                return Err(Fault::argument(format!("attribute {i} is there twice")));
+                return Err(Fault::argument(format!("attribute {i} is given twice")));
             }
             all.push(Attribute { semantic, width, values: values.numbers() });
         }
         Ok(all)
     }
 
-    /// Adds what the view says of vertices beside the mesh.
+    /// Adds the locks and the importance of vertices in the view.
     ///
     /// # Safety
     /// All buffers that are not null must have their extents.
@@ -214,9 +214,10 @@ impl LodsmithAttribute {
     /// # Safety
     /// The name must be null or end with a zero byte.
     unsafe fn semantic(&self) -> Result<Semantic, Fault> {
-        let small = || u8::try_from(self.set).map_err(|_| Fault::argument("a set beyond 255"));
+        let small = || u8::try_from(self.set).map_err(|_| Fault::argument("the set is above 255"));
         let morph = |of: Morphed| {
-            let target = u16::try_from(self.set).map_err(|_| Fault::argument("a morph target beyond 65,535"));
+            let target =
+                u16::try_from(self.set).map_err(|_| Fault::argument("the morph target is above 65,535"));
             Ok::<_, Fault>(Semantic::Morph { target: target?, of })
         };
         // SAFETY: promised by the caller.
@@ -234,7 +235,7 @@ impl LodsmithAttribute {
             LODSMITH_ATTRIBUTE_MORPH_POSITION => (morph(Morphed::Position)?, 3),
             LODSMITH_ATTRIBUTE_MORPH_NORMAL => (morph(Morphed::Normal)?, 3),
             LODSMITH_ATTRIBUTE_MORPH_TANGENT => (morph(Morphed::Tangent)?, 3),
-            kind => return Err(Fault::argument(format!("no attribute is of kind {kind}"))),
+            kind => return Err(Fault::argument(format!("there is no kind {kind} of attributes"))),
         };
         if self.width != width || width == 0 {
             let (got, title) = (self.width, semantic.title());

@@ -14,10 +14,10 @@ use crate::memory::{self, CStructure};
 pub const LODSMITH_UNIT_NONE: i32 = 0;
 /// A length in the units of the positions.
 pub const LODSMITH_UNIT_MESH: i32 = 1;
-/// A length as a share of the diagonal of the bounding box.
+/// A length as a fraction of the diagonal of the bounding box.
 pub const LODSMITH_UNIT_DIAGONAL: i32 = 2;
 
-/// Edge collapse by the tensors of the present star, and a final fit: the default.
+/// Edge collapse by the tensors of the current star, and a final fit: the default.
 pub const LODSMITH_METHOD_MEMORYLESS: i32 = 0;
 /// Edge collapse by accumulated quadrics.
 pub const LODSMITH_METHOD_QUADRIC: i32 = 1;
@@ -27,15 +27,15 @@ pub const LODSMITH_METHOD_LINDSTROM_TURK: i32 = 2;
 pub const LODSMITH_METHOD_MELAX: i32 = 3;
 /// Edge collapse in order of edge length.
 pub const LODSMITH_METHOD_SHORTEST_EDGE: i32 = 4;
-/// One vertex for each cell of a grid.
+/// Vertex clustering: one vertex for each cell of a grid.
 pub const LODSMITH_METHOD_CLUSTER: i32 = 5;
-/// Removal of vertices; the holes are filled.
+/// Removal of vertices; the holes are retriangulated.
 pub const LODSMITH_METHOD_VERTEX_REMOVAL: i32 = 6;
 /// Coplanar regions with as few triangles as their outlines need.
 pub const LODSMITH_METHOD_PLANAR: i32 = 7;
 /// Reversal of 4:1 subdivision.
 pub const LODSMITH_METHOD_UNSUBDIVIDE: i32 = 8;
-/// A new mesh on the old surface.
+/// A new mesh on the same surface.
 pub const LODSMITH_METHOD_REMESH: i32 = 9;
 
 /// The final fit is used where it helps.
@@ -47,7 +47,7 @@ pub const LODSMITH_FIT_OFF: i32 = 2;
 
 /// Merged vertices lie at the point of least cost.
 pub const LODSMITH_PLACEMENT_OPTIMAL: i32 = 0;
-/// Merged vertices lie at the better end of the edge: vertices of the result are vertices of the input.
+/// Merged vertices lie at the better end of the edge: the vertices of the result are vertices of the input.
 pub const LODSMITH_PLACEMENT_ENDPOINT: i32 = 1;
 /// Merged vertices lie at the midpoint of the edge.
 pub const LODSMITH_PLACEMENT_MIDPOINT: i32 = 2;
@@ -61,23 +61,23 @@ pub const LODSMITH_BORDER_LOCK: i32 = 2;
 /// Borders are not considered.
 pub const LODSMITH_BORDER_FREE: i32 = 3;
 
-/// Handles are cut and parts removed only if the target cannot be met otherwise, or far less well.
+/// Handles are cut and parts removed only if the target cannot be met otherwise, or only with a much larger error.
 pub const LODSMITH_TOPOLOGY_RELAXED: i32 = 0;
 /// Holes, handles and parts are kept.
 pub const LODSMITH_TOPOLOGY_PRESERVE: i32 = 1;
 /// Handles are cut and parts removed wherever that is cheapest.
 pub const LODSMITH_TOPOLOGY_FREE: i32 = 2;
 
-/// The bound is guaranteed in both directions with a stop at an error, else not at all.
+/// With a stop at an error, the bound is guaranteed in both directions; otherwise not at all.
 pub const LODSMITH_BOUND_AUTO: i32 = 0;
 /// No bound is guaranteed.
 pub const LODSMITH_BOUND_ESTIMATE: i32 = 1;
 /// No point of the result is farther from the input than the bound.
 pub const LODSMITH_BOUND_ONE_SIDED: i32 = 2;
-/// No point of either is farther from the other than the bound.
+/// No point of either mesh is farther from the other mesh than the bound.
 pub const LODSMITH_BOUND_TWO_SIDED: i32 = 3;
 
-/// The result is measured with a stop at an error or a guaranteed bound.
+/// The result is measured if there is a stop at an error or a guaranteed bound.
 pub const LODSMITH_MEASURE_AUTO: i32 = 0;
 /// The result is always measured.
 pub const LODSMITH_MEASURE_ALWAYS: i32 = 1;
@@ -88,9 +88,9 @@ pub const LODSMITH_PRESET_AUTO: i32 = 0;
 pub const LODSMITH_PRESET_SCAN: i32 = 1;
 /// Machine parts.
 pub const LODSMITH_PRESET_CAD: i32 = 2;
-/// For display: normals count more.
+/// For display: more weight on normals.
 pub const LODSMITH_PRESET_VISUAL: i32 = 3;
-/// For printing.
+/// For 3D printing.
 pub const LODSMITH_PRESET_PRINT: i32 = 4;
 
 /// A length with its unit; `LODSMITH_UNIT_NONE` if it is not set.
@@ -115,17 +115,17 @@ pub struct LodsmithTexture {
     pub height: usize,
 }
 
-/// Options of `lodsmith_simplify`. Fill them by `lodsmith_options_init` and change what should differ.
+/// Options of `lodsmith_simplify`. Initialise them with `lodsmith_options_init`, then change fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct LodsmithOptions {
     /// `sizeof(lodsmith_options)` of the caller's header.
     pub size: usize,
-    /// Stop at this number of triangles; 0 if not set. Of several stops the first one met ends the run.
+    /// Stop at this number of triangles; 0 if not set. If several stops are set, the first one met ends the run.
     pub target_faces: usize,
     /// Stop at this number of vertices (positions); 0 if not set.
     pub target_vertices: usize,
-    /// Stop at this share of the triangles, up to 1; 0 if not set.
+    /// Stop at this fraction of the triangles, up to 1; 0 if not set.
     pub target_ratio: f64,
     /// Stop before the measured distance exceeds this, in the sense of `bound`.
     pub target_error: LodsmithLength,
@@ -143,9 +143,9 @@ pub struct LodsmithOptions {
     pub bound: i32,
     /// One of `LODSMITH_MEASURE_...`.
     pub measure: i32,
-    /// Not 0: tries pairs and looser topology if the target is out of reach.
+    /// Not 0: try pairs and looser topology policies if the target is not reached.
     pub escalate: i32,
-    /// Not 0: the normals of the shape count if the mesh has none.
+    /// Not 0: use the normals of the shape in the cost if the mesh has no normals.
     pub shape_normals: i32,
     /// Methods memoryless, quadric: vertices closer than this that share no edge are contracted too.
     pub pairs: LodsmithLength,
@@ -161,7 +161,7 @@ pub struct LodsmithOptions {
     pub angle_deg: f64,
     /// Method planar: largest distance from the plane of a region.
     pub flat: LodsmithLength,
-    /// Methods unsubdivide, remesh: number of levels or rounds; 0 if not set.
+    /// Method unsubdivide: number of levels; method remesh: number of iterations; 0 if not set.
     pub iterations: usize,
     /// Method remesh: edge length of a voxel.
     pub voxel: LodsmithLength,
@@ -169,13 +169,13 @@ pub struct LodsmithOptions {
     pub subdivisions: usize,
     /// Largest rotation of a face normal in degrees; 0 for no limit.
     pub max_normal_deg: f64,
-    /// Least quality of a new face, up to 1; 0 for no limit.
+    /// Minimum quality of a new face, up to 1; 0 for no limit.
     pub min_quality: f64,
     /// Largest number of edges at a vertex; 0 for no limit.
     pub max_valence: usize,
     /// Largest length of an edge.
     pub max_edge: LodsmithLength,
-    /// Edges with a larger angle in degrees are features; 0 for none.
+    /// Edges with a larger dihedral angle in degrees are features; 0 for no features.
     pub sharp_deg: f64,
     /// Weight of normals; 1 is the default, 0 ignores them.
     pub weight_normal: f64,
@@ -195,7 +195,7 @@ pub struct LodsmithOptions {
     pub weld: LodsmithLength,
     /// Parts with a smaller bounding box are removed first.
     pub prune: LodsmithLength,
-    /// Class of each region of the mesh, by the first region of the class; null if each is its own.
+    /// Class of each region of the mesh, given by the first region of the class; null if each region is its own class.
     pub region_classes: *const u32,
     /// Number of `region_classes`.
     pub region_class_count: usize,
@@ -226,22 +226,22 @@ fn of_length(length: Option<Length>) -> LodsmithLength {
     }
 }
 
-/// Returns the number of a choice in C: its place in the list of all.
+/// Returns the constant of a choice in C: its index in the list of all choices.
 fn number<T: PartialEq>(all: &[T], choice: &T) -> i32 {
     all.iter().position(|x| x == choice).unwrap_or(0) as i32
 }
 
 const MEASURES: [Measure; 2] = [Measure::Auto, Measure::Always];
 
-/// Returns the options of C that say the same. (Lists are left out.)
+/// Converts options to C. (Lists are left out.)
 fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
     let (guards, w) = (&o.guards, &o.weights);
-    let own = |name: &str| by_name::find(name).and_then(|option| option.get(o));
-    let length = |name: &str| match own(name) {
+    let value = |name: &str| by_name::find(name).and_then(|option| option.get(o));
+    let length = |name: &str| match value(name) {
         Some(OptionValue::Length(length)) => of_length(Some(length)),
         _ => of_length(None),
     };
-    let count = |name: &str| match own(name) {
+    let count = |name: &str| match value(name) {
         Some(OptionValue::Whole(n)) => n as usize,
         _ => 0,
     };
@@ -262,10 +262,10 @@ fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
         shape_normals: i32::from(o.shape_normals),
         pairs: length("pairs"),
         cell: length("cell"),
-        two_stage: i32::from(own("two-stage").is_some()),
-        adaptive: i32::from(own("adaptive").is_some()),
+        two_stage: i32::from(value("two-stage").is_some()),
+        adaptive: i32::from(value("adaptive").is_some()),
         edge_length: length("edge-length"),
-        angle_deg: match own("angle") {
+        angle_deg: match value("angle") {
             Some(OptionValue::Number(deg)) => deg,
             _ => -1.0,
         },
@@ -314,7 +314,7 @@ impl LodsmithLength {
     }
 }
 
-/// A number unless it is 0.
+/// Returns a number unless it is 0.
 fn unless_zero<T: PartialEq + Default>(x: T) -> Option<T> {
     (x != T::default()).then_some(x)
 }
@@ -363,7 +363,7 @@ impl LodsmithOptions {
         Ok(o)
     }
 
-    /// Returns what the options say of the regions of the mesh.
+    /// Returns the region classes and textures in the options.
     ///
     /// # Safety
     /// The lists must have their lengths, and each image its pixels.
@@ -378,7 +378,7 @@ impl LodsmithOptions {
         Ok(data)
     }
 
-    /// Sets the options that the method alone has; others are an error.
+    /// Sets the options of the method; options of other methods are an error.
     fn set_options_of_method(&self, o: &mut SimplifyOptions) -> Result<(), Fault> {
         let length = |of: LodsmithLength, name| Ok::<_, Fault>(of.get(name)?.map(OptionValue::Length));
         let count = |n: usize| unless_zero(n).map(|n| OptionValue::Whole(n as u64));
@@ -388,7 +388,7 @@ impl LodsmithOptions {
             ("cell", length(self.cell, "cell")?),
             ("two-stage", flag(self.two_stage)),
             ("edge-length", length(self.edge_length, "edge_length")?),
-            // (NaN is out of range, and is reported as that.)
+            // (NaN is reported as out of range.)
             ("angle", if self.angle_deg < 0.0 { None } else { Some(OptionValue::Number(self.angle_deg)) }),
             ("flat", length(self.flat, "flat")?),
             ("iterations", count(self.iterations)),
@@ -428,7 +428,7 @@ impl LodsmithOptions {
                 continue;
             }
             let count = width.checked_mul(height).and_then(|count| count.checked_mul(4));
-            let count = count.ok_or_else(|| Fault::argument("a texture is larger than memory"))?;
+            let count = count.ok_or_else(|| Fault::argument("a texture does not fit into memory"))?;
             // SAFETY: the caller promises four bytes for each pixel.
             let bytes = unsafe { memory::numbers("pixels", pixels, count) }?;
             let image = Image::new(width, height, bytes.as_chunks::<4>().0.to_vec());
@@ -438,7 +438,7 @@ impl LodsmithOptions {
     }
 }
 
-/// Fills options with the defaults and no target. `size` is `sizeof(lodsmith_options)`.
+/// Initialises options with the defaults and without a target. `size` is `sizeof(lodsmith_options)`.
 ///
 /// # Safety
 /// `options` must have room for `size` bytes.
@@ -448,7 +448,7 @@ pub unsafe extern "C" fn lodsmith_options_init(options: *mut LodsmithOptions, si
     unsafe { lodsmith_options_init_preset(options, size, LODSMITH_PRESET_AUTO) }
 }
 
-/// Fills options with those of a preset and no target: one of `LODSMITH_PRESET_...`. `size` is
+/// Initialises options with a preset, one of `LODSMITH_PRESET_...`, and without a target. `size` is
 /// `sizeof(lodsmith_options)`.
 ///
 /// # Safety
@@ -483,7 +483,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn defaults_and_presets_come_back() {
+    fn defaults_and_presets_survive_a_round_trip() {
         for preset in Preset::ALL {
             let of_preset = SimplifyOptions::preset(preset, Stop::default());
             // SAFETY: there are no lists.
@@ -492,7 +492,7 @@ mod tests {
     }
 
     #[test]
-    fn every_field_arrives() {
+    fn every_field_is_converted() {
         let mut o = SimplifyOptions::new(Stop {
             faces: Some(1),
             vertices: Some(2),
@@ -551,7 +551,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smaller_structure_is_that_of_an_older_header() {
+    fn a_smaller_structure_is_from_an_older_header() {
         let mut room = LodsmithOptions { seed: 77, ..LodsmithOptions::default() };
         let size = std::mem::offset_of!(LodsmithOptions, seed);
         // SAFETY: the room is larger than the size.
@@ -564,7 +564,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_choices_are_those_of_the_constants() {
+    fn numbers_of_choices_agree_with_the_constants() {
         let at = |i: i32| i as usize;
         assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_REMESH)], MethodKind::Remesh);
         assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_VERTEX_REMOVAL)], MethodKind::VertexRemoval);

@@ -7,25 +7,25 @@ use lodsmith_core::{Semantic, TriMesh, WedgeId};
 use crate::fault::{Fault, code, guarded};
 use crate::memory::{self, CStructure, Number, RowsMut};
 
-/// The number of triangles was reached.
+/// The target number of triangles was reached.
 pub const LODSMITH_STOPPED_BY_FACES: i32 = 0;
-/// The number of vertices was reached.
+/// The target number of vertices was reached.
 pub const LODSMITH_STOPPED_BY_VERTICES: i32 = 1;
-/// The share of the triangles was reached.
+/// The target fraction of the triangles was reached.
 pub const LODSMITH_STOPPED_BY_RATIO: i32 = 2;
-/// The next step would exceed the error.
+/// The next step would exceed the error limit.
 pub const LODSMITH_STOPPED_BY_ERROR: i32 = 3;
-/// Topology and guards allow no step that is left.
+/// Topology and guards permit no further step.
 pub const LODSMITH_STOPPED_BY_REFUSALS: i32 = 4;
-/// The method has nothing left to remove.
+/// The method has nothing more to remove.
 pub const LODSMITH_STOPPED_BY_EXHAUSTED: i32 = 5;
-/// The progress function asked for the best mesh so far.
+/// The progress function ended the run with the best mesh so far.
 pub const LODSMITH_STOPPED_BY_CALLER: i32 = 6;
 /// No target was given, or the input met it already.
 pub const LODSMITH_STOPPED_BY_NOTHING: i32 = 7;
 
-/// A simplified mesh and the report of the run. Free it with `lodsmith_result_free`. It may be read by several threads at
-/// once.
+/// A simplified mesh and the report of the run. Free it with `lodsmith_result_free`. Several threads may read it at the
+/// same time.
 pub struct LodsmithResult {
     pub(crate) done: Simplified,
     /// The meanings of the attributes of the input, in its order.
@@ -41,7 +41,7 @@ pub struct LodsmithDistance {
     pub forward: f64,
     /// From the result to the input.
     pub backward: f64,
-    /// Both together.
+    /// Both directions together: the larger of two maxima, the mean of two means.
     pub symmetric: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct LodsmithReport {
     pub input_vertices: usize,
     /// Triangles of the result.
     pub faces: usize,
-    /// Positions of the result; seams have more vertices than positions.
+    /// Positions of the result; at seams there are more vertices than positions.
     pub positions: usize,
     /// 1 if a target was met, else 0.
     pub reached: i32,
@@ -73,7 +73,7 @@ pub struct LodsmithReport {
     pub mean: LodsmithDistance,
     /// Measured root-mean-square distance.
     pub rms: LodsmithDistance,
-    /// Largest distance measured.
+    /// Largest measured distance.
     pub max: LodsmithDistance,
     /// Proven bound on the distance of any point; negative if none is guaranteed.
     pub bound: f64,
@@ -81,15 +81,15 @@ pub struct LodsmithReport {
     pub diagonal: f64,
     /// Collapses done.
     pub collapses: u64,
-    /// Whole parts removed.
+    /// Removed parts.
     pub parts_removed: usize,
     /// Necks that were cut.
     pub necks_cut: usize,
     /// Input vertices merged with another at the same position, or within the weld distance.
     pub welded_vertices: usize,
-    /// Input faces left out: degenerate, duplicate, or with positions that are not finite.
+    /// Input faces that were dropped: degenerate, duplicate, or with positions that are not finite.
     pub dropped_faces: usize,
-    /// Number of changes of the options that would help a run that stopped short.
+    /// Number of proposals: tested changes of the options that would let a stuck run continue.
     pub proposals: usize,
     /// Time of the run in seconds.
     pub seconds: f64,
@@ -146,7 +146,7 @@ fn report(result: &LodsmithResult) -> LodsmithReport {
 /// Borrows the mesh of a result.
 ///
 /// # Safety
-/// The pointer must be null or a result that is not freed.
+/// The pointer must be null or a result that was not freed.
 unsafe fn mesh<'a>(result: *const LodsmithResult) -> Result<&'a TriMesh, Fault> {
     // SAFETY: promised by the caller.
     unsafe { result.as_ref() }.map(|r| &r.done.mesh).ok_or_else(|| Fault::argument("the result is null"))
@@ -164,7 +164,7 @@ unsafe fn copy<T: Number, const N: usize>(
     if count > capacity {
         return Err(Fault::argument(format!("{count} rows do not fit into {capacity}")));
     }
-    // SAFETY: the caller promises room for more rows than that.
+    // SAFETY: the caller promises room for `capacity` rows, which are at least as many.
     unsafe { RowsMut::new("the destination", to, [count, N, stride]) }?.set_rows(rows);
     Ok(())
 }
@@ -176,7 +176,7 @@ unsafe fn copy<T: Number, const N: usize>(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_free(result: *mut LodsmithResult) {
     if !result.is_null() {
-        // SAFETY: the pointer was made by `Box::into_raw`, and the caller gives it back.
+        // SAFETY: the pointer comes from `Box::into_raw`, and the caller returns it.
         let result = unsafe { Box::from_raw(result) };
         _ = guarded(|| {
             drop(result);
@@ -185,7 +185,8 @@ pub unsafe extern "C" fn lodsmith_result_free(result: *mut LodsmithResult) {
     }
 }
 
-/// Returns the number of vertices of a result: several at one position are the sides of a seam. 0 for null.
+/// Returns the number of vertices of a result; several vertices at the same position are the sides of a seam. 0 for
+/// null.
 ///
 /// # Safety
 /// `result` must be null or a result.
@@ -205,10 +206,10 @@ pub unsafe extern "C" fn lodsmith_result_index_count(result: *const LodsmithResu
     unsafe { mesh(result) }.map_or(0, |mesh| 3 * mesh.face_count())
 }
 
-/// Copies the indices, three for each triangle, into room for `capacity` of them.
+/// Copies the indices, three for each triangle, into a buffer for `capacity` indices.
 ///
 /// # Safety
-/// `result` must be null or a result, and `indices` have that room.
+/// `result` must be null or a result, and `indices` must have that capacity.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_indices(
     result: *const LodsmithResult,
@@ -230,10 +231,10 @@ fn positions(mesh: &TriMesh) -> impl ExactSizeIterator<Item = [f64; 3]> {
     (0..mesh.wedge_count()).map(move |w| view.get(mesh.vertex_of(WedgeId::new(w))))
 }
 
-/// Copies the positions, three floats every `stride` bytes, into room for `capacity` vertices.
+/// Copies the positions, three floats every `stride` bytes, into a buffer for `capacity` vertices.
 ///
 /// # Safety
-/// `result` must be null or a result, and `positions` have that room.
+/// `result` must be null or a result, and `positions` must have that capacity.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_positions(
     result: *const LodsmithResult,
@@ -250,10 +251,10 @@ pub unsafe extern "C" fn lodsmith_result_copy_positions(
     }))
 }
 
-/// Copies the positions, three doubles every `stride` bytes, into room for `capacity` vertices.
+/// Copies the positions, three doubles every `stride` bytes, into a buffer for `capacity` vertices.
 ///
 /// # Safety
-/// `result` must be null or a result, and `positions` have that room.
+/// `result` must be null or a result, and `positions` must have that capacity.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_positions_f64(
     result: *const LodsmithResult,
@@ -274,7 +275,7 @@ fn there<T>(values: Option<T>, name: &str) -> Result<T, Fault> {
 /// Copies the normals, three floats every `stride` bytes; an error if the input had none.
 ///
 /// # Safety
-/// `result` must be null or a result, and `normals` have room for `capacity` vertices.
+/// `result` must be null or a result, and `normals` must have room for `capacity` vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_normals(
     result: *const LodsmithResult,
@@ -294,7 +295,7 @@ pub unsafe extern "C" fn lodsmith_result_copy_normals(
 /// Copies the texture coordinates, two floats every `stride` bytes; an error if the input had none.
 ///
 /// # Safety
-/// `result` must be null or a result, and `uvs` have room for `capacity` vertices.
+/// `result` must be null or a result, and `uvs` must have room for `capacity` vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_uvs(
     result: *const LodsmithResult,
@@ -314,7 +315,7 @@ pub unsafe extern "C" fn lodsmith_result_copy_uvs(
 /// Copies the colours, four floats every `stride` bytes; an error if the input had none.
 ///
 /// # Safety
-/// `result` must be null or a result, and `colors` have room for `capacity` vertices.
+/// `result` must be null or a result, and `colors` must have room for `capacity` vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_colors(
     result: *const LodsmithResult,
@@ -331,11 +332,11 @@ pub unsafe extern "C" fn lodsmith_result_copy_colors(
     }))
 }
 
-/// Copies the values of attribute number `attribute` of the input's view, as many floats as it has every `stride` bytes; an
-/// error if the result does not carry it.
+/// Copies the values of the attribute with index `attribute` in the view of the input: its `width` floats every
+/// `stride` bytes. An error if the result does not have the attribute.
 ///
 /// # Safety
-/// `result` must be null or a result, and `values` have room for `capacity` vertices.
+/// `result` must be null or a result, and `values` must have room for `capacity` vertices.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_attribute(
     result: *const LodsmithResult,
@@ -363,10 +364,10 @@ pub unsafe extern "C" fn lodsmith_result_copy_attribute(
     }))
 }
 
-/// Copies the region of each triangle into room for `capacity` of them; all are 0 if the input had none.
+/// Copies the region of each triangle into a buffer for `capacity` triangles; all are 0 if the input had no regions.
 ///
 /// # Safety
-/// `result` must be null or a result, and `regions` have that room.
+/// `result` must be null or a result, and `regions` must have that capacity.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_copy_regions(
     result: *const LodsmithResult,
@@ -383,10 +384,10 @@ pub unsafe extern "C" fn lodsmith_result_copy_regions(
     }))
 }
 
-/// Fills the report of a run; set its `size` before.
+/// Fills the report of a run. Set its `size` first.
 ///
 /// # Safety
-/// `result` must be null or a result, and `report` null or as large as its size says.
+/// `result` must be null or a result, and `report` must be null or as large as its size states.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lodsmith_result_report(
     result: *const LodsmithResult,

@@ -1,4 +1,4 @@
-//! The index calls over slices of Rust: for tests and benchmarks.
+//! The index calls with slices of Rust, for tests and benchmarks.
 
 use std::ffi::CStr;
 
@@ -13,15 +13,15 @@ const POSITION_STRIDE: usize = size_of::<[f32; 3]>();
 /// The input of an index call.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IndexCall<'a> {
-    /// Three for each triangle.
+    /// Three indices for each triangle.
     pub indices: &'a [u32],
-    /// One for each vertex.
+    /// One position for each vertex.
     pub positions: &'a [[f32; 3]],
-    /// As many for each vertex as there are weights.
+    /// For each vertex, as many values as there are weights.
     pub attributes: &'a [f32],
     /// The weights of the attributes.
     pub weights: &'a [f32],
-    /// Flags of each vertex, or none.
+    /// Flags of each vertex, or empty.
     pub locks: &'a [u8],
     /// Number of indices to reach.
     pub target_index_count: usize,
@@ -40,7 +40,7 @@ pub struct IndexResult {
     pub error: f32,
 }
 
-/// The result of an index call with vertices that move.
+/// The result of an index call that moves vertices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct UpdateResult {
     /// Three for each triangle.
@@ -56,7 +56,7 @@ pub struct UpdateResult {
 /// Returns the text of the last error of this thread.
 fn last_error() -> Option<String> {
     let text = lodsmith_error_message();
-    // SAFETY: it is null, or a text that ends in zero and is valid until the next call on this thread.
+    // SAFETY: it is null, or a text that ends with a zero byte and is valid until the next call on this thread.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
 }
 
@@ -72,7 +72,7 @@ impl IndexCall<'_> {
         if self.locks.is_empty() { std::ptr::null() } else { self.locks.as_ptr() }
     }
 
-    /// Calls `lodsmith_simplify_indices`, which knows no attributes and no locks.
+    /// Calls `lodsmith_simplify_indices`, which takes neither attributes nor locks.
     ///
     /// # Errors
     /// The text of the error.
@@ -103,7 +103,7 @@ impl IndexCall<'_> {
     /// The text of the error.
     ///
     /// # Panics
-    /// If the slices do not go together.
+    /// If the lengths of the slices do not agree.
     pub fn with_attributes(&self) -> Result<IndexResult, String> {
         self.check();
         let (mut indices, mut error) = (vec![0; self.indices.len()], 0.0);
@@ -137,7 +137,7 @@ impl IndexCall<'_> {
     /// The text of the error.
     ///
     /// # Panics
-    /// If the slices do not go together.
+    /// If the lengths of the slices do not agree.
     pub fn with_update(&self) -> Result<UpdateResult, String> {
         self.check();
         let mut result = UpdateResult {

@@ -15,7 +15,7 @@ use lodsmith_c::*;
 use lodsmith_io::{Format, ReadOptions};
 use serde_json::{Value, json};
 
-/// A job in the terms of Rust.
+/// A job as Rust types.
 #[derive(Default)]
 struct FileJob<'a> {
     verb: &'a str,
@@ -26,21 +26,21 @@ struct FileJob<'a> {
     options: Value,
 }
 
-/// A call of the progress function: its stage, the share and the thread.
-type Told = (i32, f64, ThreadId);
+/// A call of the progress function: the stage, the fraction and the thread.
+type ProgressCall = (i32, f64, ThreadId);
 
 /// The user data of a progress function: the calls so far, and the answer that it gives to each.
 struct Listener {
-    told: Vec<Told>,
-    answer: fn(&Told) -> i32,
+    calls: Vec<ProgressCall>,
+    answer: fn(&ProgressCall) -> i32,
 }
 
 unsafe extern "C" fn listen(user: *mut c_void, stage: i32, done: f64) -> i32 {
     // SAFETY: the jobs below pass a listener that nothing else uses during the call.
     let listener = unsafe { &mut *user.cast::<Listener>() };
-    let told = (stage, done, std::thread::current().id());
-    listener.told.push(told);
-    (listener.answer)(&told)
+    let call = (stage, done, std::thread::current().id());
+    listener.calls.push(call);
+    (listener.answer)(&call)
 }
 
 fn c_text(text: impl Into<Vec<u8>>) -> CString {
@@ -68,7 +68,7 @@ fn call(job: &LodsmithFileJob, listener: Option<&mut Listener>) -> (i32, Option<
         Some(listener) => (Some(listen), ptr::from_mut(listener).cast()),
         None => (None, ptr::null_mut()),
     };
-    // SAFETY: the texts of the job end in zero and live until the end of the call, as the listener does.
+    // SAFETY: the texts of the job end with a zero byte and live until the end of the call, as the listener does.
     let code = unsafe { lodsmith_run_file_job(job, progress, user, &raw mut outcome) };
     let error = last_error();
     assert_eq!(code == LODSMITH_OK, error.is_none());
@@ -83,7 +83,7 @@ fn call(job: &LodsmithFileJob, listener: Option<&mut Listener>) -> (i32, Option<
 }
 
 impl FileJob<'_> {
-    fn told(&self, listener: Option<&mut Listener>) -> (i32, Option<String>, Option<Value>) {
+    fn run_with(&self, listener: Option<&mut Listener>) -> (i32, Option<String>, Option<Value>) {
         let texts = [&self.detailed, &self.output, &self.out_dir].map(|path| path.as_deref().map(c_path));
         let options = (!self.options.is_null()).then(|| c_text(self.options.to_string()));
         let (verb, input) = (c_text(self.verb), c_path(&self.input));
@@ -101,14 +101,14 @@ impl FileJob<'_> {
 
     /// Runs the job, which must succeed, and returns its outcome.
     fn done(&self) -> Value {
-        let (code, error, outcome) = self.told(None);
+        let (code, error, outcome) = self.run_with(None);
         assert_eq!((code, error), (LODSMITH_OK, None));
         outcome.unwrap()
     }
 
     /// Runs the job, which must fail, and returns the code and the text.
     fn refused(&self) -> (i32, String) {
-        let (code, error, outcome) = self.told(None);
+        let (code, error, outcome) = self.run_with(None);
         assert_eq!(outcome, None);
         (code, error.unwrap())
     }
@@ -118,7 +118,7 @@ fn testdata(name: &str) -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata")).join(name)
 }
 
-/// Makes `testdata/wave.glb` lighter by the functions of Rust.
+/// Simplifies `testdata/wave.glb` with the functions of Rust.
 fn simplified(output: &Path, baking: Option<Baking>) -> Vec<u8> {
     let recipe = Recipe { options: SimplifyOptions::new(Stop::ratio(0.3)), baking, ..Recipe::default() };
     let to = Destination {
@@ -140,7 +140,7 @@ fn simplify(output: PathBuf, options: Value) -> FileJob<'static> {
 }
 
 #[test]
-fn files_are_those_of_the_library() {
+fn files_have_the_same_bytes_as_from_the_library() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     let plain = simplified(&place("plain.glb"), None);
@@ -149,13 +149,13 @@ fn files_are_those_of_the_library() {
     let baked = simplified(&place("baked.glb"), Some(Baking { options: maps, map_files: false }));
     assert_ne!(plain, baked);
     let bake = json!({ "ratio": 0.3, "bake": ["normal"], "texture_size": 64 });
-    for (options, wanted) in [(json!({ "ratio": 0.3 }), plain), (bake, baked)] {
+    for (options, expected) in [(json!({ "ratio": 0.3 }), plain), (bake, baked)] {
         for threads in [None, Some(1), Some(3)] {
             let mut options = options.clone();
             options["threads"] = threads.into();
             let output = place("by_job.glb");
             let outcome = simplify(output.clone(), options).done();
-            assert!(fs::read(&output).unwrap() == wanted, "{threads:?}: other bytes");
+            assert!(fs::read(&output).unwrap() == expected, "{threads:?}: other bytes");
             let report = &outcome["report"];
             assert_eq!(report["reached"], true);
             assert_eq!(report["output"]["path"], output.to_str().unwrap());
@@ -210,7 +210,7 @@ fn every_verb_has_its_report() {
 }
 
 #[test]
-fn what_is_wrong_has_a_code_and_a_text() {
+fn errors_have_a_code_and_a_text() {
     let folder = tempfile::tempdir().unwrap();
     let place = |name: &str| folder.path().join(name);
     let job = |options| simplify(place("low.glb"), options);
@@ -228,7 +228,7 @@ fn what_is_wrong_has_a_code_and_a_text() {
             "there is no option rato; a similar one is ratio",
         ),
         (job(json!({ "ratio": 3 })), LODSMITH_ERROR_OPTION, "ratio"),
-        (job(json!({ "ratio": 0.3, "texture_size": 64 })), LODSMITH_ERROR_OPTION, "it needs bake"),
+        (job(json!({ "ratio": 0.3, "texture_size": 64 })), LODSMITH_ERROR_OPTION, "needs bake"),
         (job(json!({ "ratio": 0.3, "lock": ["nothing"] })), LODSMITH_ERROR_OPTION, "nothing"),
         (job(json!([0.3])), LODSMITH_ERROR_ARGUMENT, "a JSON object"),
         (FileJob { input: place("none.glb"), ..job(ratio()) }, LODSMITH_ERROR_FILE, "none.glb: "),
@@ -243,7 +243,7 @@ fn what_is_wrong_has_a_code_and_a_text() {
         ),
         (FileJob { verb: "lighten", ..job(ratio()) }, LODSMITH_ERROR_ARGUMENT, "one of simplify, lod"),
         (FileJob { verb: "bake", ..job(Value::Null) }, LODSMITH_ERROR_ARGUMENT, "two files"),
-        (FileJob { detailed: Some(place("a")), ..job(ratio()) }, LODSMITH_ERROR_ARGUMENT, "goes with bake"),
+        (FileJob { detailed: Some(place("a")), ..job(ratio()) }, LODSMITH_ERROR_ARGUMENT, "only for bake"),
         (FileJob { verb: "info", ..job(Value::Null) }, LODSMITH_ERROR_ARGUMENT, "writes no file"),
         (FileJob { verb: "convert", output: None, ..job(Value::Null) }, LODSMITH_ERROR_OPTION, "an output"),
         (FileJob { out_dir: Some(place("")), ..lod(Some("low.glb")) }, LODSMITH_ERROR_ARGUMENT, "only one"),
@@ -252,7 +252,7 @@ fn what_is_wrong_has_a_code_and_a_text() {
             LODSMITH_ERROR_ARGUMENT,
             "with lod",
         ),
-        (lod(Some("low.ply")), LODSMITH_ERROR_OPTION, "give a folder with out_dir for PLY"),
+        (lod(Some("low.ply")), LODSMITH_ERROR_OPTION, "use a folder (out_dir) for PLY"),
     ];
     for (job, code, part) in cases {
         let (got, text) = job.refused();
@@ -265,10 +265,10 @@ fn what_is_wrong_has_a_code_and_a_text() {
 fn strict_faults_come_with_the_outcome() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("low.glb");
-    // An end before the target.
-    let mut finishing = Listener { told: Vec::new(), answer: |_| LODSMITH_FINISH };
+    // The run ends before the target.
+    let mut finishing = Listener { calls: Vec::new(), answer: |_| LODSMITH_FINISH };
     let options = json!({ "ratio": 0.01, "strict": true });
-    let (code, error, outcome) = simplify(output.clone(), options).told(Some(&mut finishing));
+    let (code, error, outcome) = simplify(output.clone(), options).run_with(Some(&mut finishing));
     assert_eq!(code, LODSMITH_ERROR_STRICT, "{error:?}");
     let outcome = outcome.unwrap();
     let faults = outcome["faults"].as_array().unwrap();
@@ -278,55 +278,56 @@ fn strict_faults_come_with_the_outcome() {
 }
 
 #[test]
-fn progress_is_told_here_and_cancels() {
+fn progress_is_reported_on_the_calling_thread_and_can_cancel() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("low.glb");
     let here = std::thread::current().id();
     for threads in [Value::Null, json!(2)] {
         let options = json!({ "ratio": 0.3, "threads": threads });
-        let mut all = Listener { told: Vec::new(), answer: |_| LODSMITH_CONTINUE };
-        let (code, _, outcome) = simplify(output.clone(), options.clone()).told(Some(&mut all));
+        let mut all = Listener { calls: Vec::new(), answer: |_| LODSMITH_CONTINUE };
+        let (code, _, outcome) = simplify(output.clone(), options.clone()).run_with(Some(&mut all));
         assert!(code == LODSMITH_OK && outcome.is_some());
         fs::remove_file(&output).unwrap();
-        assert!(all.told.iter().all(|(.., thread)| *thread == here));
-        assert!(all.told.is_sorted_by(|a, b| a.1 <= b.1), "{:?}", all.told);
-        assert!(all.told.iter().all(|(_, done, _)| (0.0..=1.0).contains(done)));
-        let stages: Vec<i32> = all.told.iter().map(|(stage, ..)| *stage).collect();
+        assert!(all.calls.iter().all(|(.., thread)| *thread == here));
+        assert!(all.calls.is_sorted_by(|a, b| a.1 <= b.1), "{:?}", all.calls);
+        assert!(all.calls.iter().all(|(_, done, _)| (0.0..=1.0).contains(done)));
+        let stages: Vec<i32> = all.calls.iter().map(|(stage, ..)| *stage).collect();
         assert_eq!((stages[0], stages[stages.len() - 1]), (LODSMITH_STAGE_READ, LODSMITH_STAGE_WRITE));
         assert!(stages.contains(&LODSMITH_STAGE_SIMPLIFY));
 
-        // At the first call, in the engine, and just before the file.
+        // At the first call, in the engine, and just before the file is written.
         for answer in [
-            (|_| LODSMITH_CANCEL) as fn(&Told) -> i32,
-            |told| if told.0 == LODSMITH_STAGE_SIMPLIFY { LODSMITH_CANCEL } else { LODSMITH_CONTINUE },
-            |told| if told.0 == LODSMITH_STAGE_WRITE { LODSMITH_CANCEL } else { LODSMITH_CONTINUE },
+            (|_| LODSMITH_CANCEL) as fn(&ProgressCall) -> i32,
+            |call| if call.0 == LODSMITH_STAGE_SIMPLIFY { LODSMITH_CANCEL } else { LODSMITH_CONTINUE },
+            |call| if call.0 == LODSMITH_STAGE_WRITE { LODSMITH_CANCEL } else { LODSMITH_CONTINUE },
         ] {
-            let mut cancelling = Listener { told: Vec::new(), answer };
+            let mut cancelling = Listener { calls: Vec::new(), answer };
             let (code, error, outcome) =
-                simplify(output.clone(), options.clone()).told(Some(&mut cancelling));
+                simplify(output.clone(), options.clone()).run_with(Some(&mut cancelling));
             assert_eq!((code, error.as_deref()), (LODSMITH_ERROR_CANCELLED, Some("cancelled")));
             assert_eq!(outcome, None);
-            let last = cancelling.told.last().unwrap();
+            let last = cancelling.calls.last().unwrap();
             assert_eq!((cancelling.answer)(last), LODSMITH_CANCEL, "it is not asked again");
             assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "no file is left");
         }
     }
     let info = FileJob { verb: "info", input: testdata("wave.glb"), ..FileJob::default() };
-    let mut cancelling = Listener { told: Vec::new(), answer: |_| LODSMITH_CANCEL };
-    assert_eq!(info.told(Some(&mut cancelling)).0, LODSMITH_ERROR_CANCELLED);
+    let mut cancelling = Listener { calls: Vec::new(), answer: |_| LODSMITH_CANCEL };
+    assert_eq!(info.run_with(Some(&mut cancelling)).0, LODSMITH_ERROR_CANCELLED);
 }
 
 #[test]
-fn finish_writes_what_is_there_unless_a_bake_is_cut_short() {
+fn finish_writes_the_best_mesh_so_far_but_cancels_baking() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("low.glb");
-    let mut finishing = Listener { told: Vec::new(), answer: |_| LODSMITH_FINISH };
-    let (code, _, outcome) = simplify(output.clone(), json!({ "ratio": 0.01 })).told(Some(&mut finishing));
+    let mut finishing = Listener { calls: Vec::new(), answer: |_| LODSMITH_FINISH };
+    let (code, _, outcome) =
+        simplify(output.clone(), json!({ "ratio": 0.01 })).run_with(Some(&mut finishing));
     assert_eq!(code, LODSMITH_OK);
     assert_eq!(outcome.unwrap()["report"]["reached"], false);
     fs::remove_file(&output).unwrap();
     let bake = json!({ "ratio": 0.3, "bake": "normal", "texture_size": 64 });
-    let (code, error, _) = simplify(output.clone(), bake).told(Some(&mut finishing));
+    let (code, error, _) = simplify(output.clone(), bake).run_with(Some(&mut finishing));
     assert!(code == LODSMITH_ERROR_CANCELLED && error.unwrap().contains("bake") && !output.exists());
 }
 

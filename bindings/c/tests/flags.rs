@@ -1,4 +1,4 @@
-//! Flags of the index calls that change which vertices stay.
+//! Flags of index calls that change which vertices are kept.
 
 use lodsmith_c::{
     IndexCall, LODSMITH_SIMPLIFY_PRUNE, LODSMITH_SIMPLIFY_REGULARIZE, LODSMITH_SIMPLIFY_REGULARIZE_LIGHT,
@@ -18,7 +18,7 @@ fn sheet(height: impl Fn(f32, f32) -> f32) -> (Vec<[f32; 3]>, Vec<u32>) {
 }
 
 #[test]
-fn vertices_of_priority_stay_where_nothing_else_keeps_them() {
+fn vertices_with_priority_are_kept_longer() {
     let (positions, indices) = sheet(|_, _| 0.0);
     let marked: Vec<u32> = (0..8).map(|k| (4 + 3 * k) * SIDE + 30 - 3 * k).collect();
     let mut locks = vec![0; positions.len()];
@@ -77,7 +77,7 @@ fn regular_faces_are_rounder() {
 
 #[test]
 fn parts_are_removed_within_the_error_only() {
-    // A bumpy sheet, a part the size of a cell and one a quarter as large as the sheet.
+    // A bumpy sheet, a part as large as a cell, and a part a quarter as large as the sheet.
     let (mut positions, mut indices) = sheet(|x, y| 0.5 * (0.5 * x).sin() * (0.4 * y).cos());
     for (first, scale, at) in [(positions.len() as u32, 0.02, 2.0), (2 * positions.len() as u32, 0.25, 40.0)]
     {

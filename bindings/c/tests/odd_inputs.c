@@ -1,4 +1,4 @@
-/* Odd inputs of every function: each ends in an error or a result, and nothing is written where it must not be. */
+/* Odd inputs of every function: each call ends with an error or a result, and writes only where it may. */
 #include <lodsmith.h>
 
 #include <float.h>
@@ -68,7 +68,7 @@ static void index_calls(void) {
     CHECK(run(INDICES, VERTICES, stride, 0, FLT_MAX, 0) > 0);
     CHECK(run(INDICES, VERTICES, stride, 0, 0.0f, 0) > INDICES / 4);
     CHECK(run(INDICES, VERTICES, stride, 0, 0.01f, 0) < run(INDICES, VERTICES, stride, 0, 0.001f, 0));
-    /* Nothing. */
+    /* Empty input. */
     CHECK(run(0, VERTICES, stride, 0, FLT_MAX, 0) == 0 && lodsmith_error_message() == NULL);
     CHECK(lodsmith_simplify_indices(NULL, NULL, 0, NULL, 0, 0, 0, 0, 0, &error) == 0 && error == 0);
     CHECK(lodsmith_error_message() == NULL);
@@ -152,7 +152,7 @@ static void attribute_calls(void) {
 }
 
 static void sparse(void) {
-    /* A few triangles of a large buffer, of which only their vertices are there to be read. */
+    /* A few triangles of a large buffer, in which only their vertices may be read. */
     const size_t count = 500000;
     float *far_points = calloc(count, 3 * sizeof(float));
     uint32_t few[INDICES], left_over[INDICES];
@@ -253,7 +253,7 @@ static int32_t job_code(const lodsmith_file_job *job, lodsmith_progress progress
     return code;
 }
 
-/* Files lie beside the program. */
+/* The files are in the folder of the program. */
 static void file_jobs(const char *program) {
     lodsmith_file_job job;
     int calls = 0;

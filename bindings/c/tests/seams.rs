@@ -1,11 +1,11 @@
-//! Index calls on meshes with seams: several vertices at one position.
+//! Index calls on meshes with seams: several vertices at the same position.
 
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
 use lodsmith_c::{IndexCall, LODSMITH_SIMPLIFY_PERMISSIVE};
 
-/// Any error will do.
+/// No error limit.
 const ANY: f32 = f32::MAX;
 
 struct Textured {
@@ -15,14 +15,14 @@ struct Textured {
 }
 
 impl Textured {
-    /// Returns a grid of `n` by `m` cells, with a vertex for each of its corners.
+    /// Returns a grid of `n` by `m` cells.
     fn grid(n: u32, m: u32, place: impl Fn(f32, f32) -> [f32; 3]) -> Self {
         let mut mesh = Self { positions: Vec::new(), uvs: Vec::new(), indices: Vec::new() };
         for j in 0..=m {
             for i in 0..=n {
                 let uv = [i as f32 / n as f32, j as f32 / m as f32];
                 mesh.uvs.push(uv);
-                // The last row and column have the positions of the first, if the surface is closed.
+                // In a closed surface, the last row and column have the positions of the first.
                 mesh.positions.push(place(uv[0], uv[1]));
             }
         }
@@ -34,8 +34,8 @@ impl Textured {
         mesh
     }
 
-    /// Returns a bumpy torus with a texture around it: a seam along it and one across, with four vertices where they
-    /// meet.
+    /// Returns a bumpy torus with a texture around it: a seam along the ring and one around the tube, with four
+    /// vertices where they cross.
     fn torus() -> Self {
         Self::grid(64, 32, |u, v| {
             let (s, t) = ((u % 1.0) * TAU, (v % 1.0) * TAU);
@@ -55,7 +55,7 @@ impl Textured {
         }
     }
 
-    /// Returns the faces of an index buffer with one number for each position.
+    /// Returns the faces of an index buffer with one index for each position.
     fn welded(&self, indices: &[u32]) -> Vec<[u32; 3]> {
         let mut number = HashMap::new();
         let key = |i: u32| self.positions[i as usize].map(|x| (x + 0.0).to_bits());
@@ -66,7 +66,7 @@ impl Textured {
         indices.as_chunks::<3>().0.iter().map(|t| t.map(&mut of)).collect()
     }
 
-    /// Returns the sum of the areas of the faces in the texture, each counted as negative if it is turned over.
+    /// Returns the sum of the areas of the faces in texture space, negative for flipped faces.
     fn texture_area(&self, indices: &[u32]) -> f32 {
         let area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| self.uvs[i as usize]);
@@ -76,7 +76,7 @@ impl Textured {
     }
 }
 
-/// Returns the Euler characteristic of faces, of which each edge has its opposite once.
+/// Returns the Euler characteristic of a closed surface. Checks that each half-edge has exactly one twin.
 fn characteristic_of_closed(faces: &[[u32; 3]]) -> i64 {
     let mut edges = HashMap::new();
     let mut vertices = HashMap::new();
@@ -94,7 +94,7 @@ fn characteristic_of_closed(faces: &[[u32; 3]]) -> i64 {
 }
 
 #[test]
-fn the_surface_stays_closed_over_seams_and_the_texture_whole() {
+fn the_surface_stays_closed_at_seams_and_covers_the_texture() {
     let mesh = Textured::torus();
     assert_eq!(characteristic_of_closed(&mesh.welded(&mesh.indices)), 0);
     for target in [2000, 800, 300] {
@@ -113,7 +113,7 @@ fn the_surface_stays_closed_over_seams_and_the_texture_whole() {
 }
 
 #[test]
-fn permissive_seams_may_open_in_the_texture_but_not_in_the_surface() {
+fn permissive_seams_may_open_in_texture_space_but_not_in_the_surface() {
     let mesh = Textured::torus();
     let result = IndexCall { options: LODSMITH_SIMPLIFY_PERMISSIVE, ..mesh.call(300) }.simplify().unwrap();
     assert!(result.indices.len() <= 900);
@@ -122,7 +122,7 @@ fn permissive_seams_may_open_in_the_texture_but_not_in_the_surface() {
 
 #[test]
 fn a_seam_keeps_its_line_on_a_flat_surface() {
-    // Two sheets in one plane, which meet along a wave.
+    // Two sheets in the same plane that meet along a wave.
     let wave = |x: f32| 0.15 * (2.0 * TAU * x).sin();
     let below = Textured::grid(64, 12, |u, v| [u, (v - 1.0) * (1.0 + wave(u)) + wave(u), 0.0]);
     let above = Textured::grid(64, 12, |u, v| [u, v * (1.0 - wave(u)) + wave(u), 0.0]);
@@ -132,11 +132,11 @@ fn a_seam_keeps_its_line_on_a_flat_surface() {
         uvs: [below.uvs, above.uvs].concat(),
         indices: below.indices.into_iter().chain(above.indices.into_iter().map(|i| i + first)).collect(),
     };
-    // (Both sides have the same positions there.)
+    // (Both sheets have the same positions there.)
     let result = mesh.call(200).simplify().unwrap();
     let faces = result.indices.len() / 3;
     assert!(faces <= 200 && faces > 150, "{faces}");
-    // Texture that one sheet shows beyond the wave, in both directions: the area of its faces against the true one.
+    // Area that one sheet covers beyond the wave, in both directions: the area of its faces minus the true area.
     let area = |is_above: bool| {
         let of = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
@@ -146,7 +146,7 @@ fn a_seam_keeps_its_line_on_a_flat_surface() {
         faces.iter().filter(|t| (t[0] >= first) == is_above).map(of).sum::<f32>()
     };
     assert!((area(false) + area(true) - 2.0).abs() < 1e-4);
-    // How far the line of the seam is from the wave, at the middle of each of its edges.
+    // Distance of the seam from the wave, at the midpoint of each seam edge.
     let mut line: Vec<[f32; 2]> = Vec::new();
     for t in result.indices.as_chunks::<3>().0.iter().filter(|t| t[0] >= first) {
         for i in t.iter().filter(|&&i| i - first <= 64) {

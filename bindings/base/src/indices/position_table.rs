@@ -1,27 +1,27 @@
 //! Vertices by position.
 
 /// A table of the first vertex at each position.
-pub(crate) struct Places {
-    /// Vertices, found by open addressing; [`FREE`] where there is none.
+pub(crate) struct PositionTable {
+    /// Vertices by open addressing; [`FREE`] in empty slots.
     slots: Vec<u32>,
-    /// True if several vertices have one position.
-    pub(crate) has_twins: bool,
+    /// True if several vertices have the same position.
+    pub(crate) has_duplicates: bool,
 }
 
 const FREE: u32 = u32::MAX;
 
-impl Places {
-    /// Enters all vertices. Cost: O(V).
+impl PositionTable {
+    /// Makes the table of all vertices. Cost: O(V).
     pub(crate) fn new(positions: &[[f32; 3]]) -> Self {
         let count = (positions.len() + positions.len() / 2 + 1).next_power_of_two();
-        let mut places = Self { slots: vec![FREE; count], has_twins: false };
+        let mut table = Self { slots: vec![FREE; count], has_duplicates: false };
         for (i, &p) in (0u32..).zip(positions) {
-            match places.slot(p, positions) {
-                Ok(_) => places.has_twins = true,
-                Err(slot) => places.slots[slot] = i,
+            match table.slot(p, positions) {
+                Ok(_) => table.has_duplicates = true,
+                Err(slot) => table.slots[slot] = i,
             }
         }
-        places
+        table
     }
 
     /// Returns the first vertex at a position.
@@ -29,7 +29,7 @@ impl Places {
         self.slot(p, positions).ok().map(|slot| self.slots[slot])
     }
 
-    /// Returns the slot of a position, or else the free one where it belongs.
+    /// Returns the slot of a position, or the free slot for it as an error.
     #[inline(always)]
     fn slot(&self, p: [f32; 3], positions: &[[f32; 3]]) -> Result<usize, usize> {
         let mask = self.slots.len() - 1;
@@ -48,7 +48,7 @@ impl Places {
     }
 }
 
-/// The bits of a position; zeros of either sign are one.
+/// Returns the bits of a position, with -0 as 0.
 #[inline(always)]
 fn key(p: [f32; 3]) -> [u32; 3] {
     p.map(|x| (x + 0.0).to_bits())
@@ -61,13 +61,13 @@ mod tests {
     #[test]
     fn equal_positions_are_found() {
         let mut positions: Vec<[f32; 3]> = (0..1000).map(|i| [i as f32, -(i as f32), 0.5]).collect();
-        assert!(!Places::new(&positions).has_twins);
+        assert!(!PositionTable::new(&positions).has_duplicates);
         positions.push([0.0, 0.0, 0.5]);
-        let places = Places::new(&positions);
-        assert!(places.has_twins, "a zero of the other sign is at the same place");
-        assert!((0..1000).all(|i| places.first(positions[i as usize], &positions) == Some(i)));
-        assert_eq!(places.first([-0.0, 0.0, 0.5], &positions), Some(0));
-        assert_eq!(places.first([0.0, 0.1, 0.5], &positions), None);
-        assert_eq!(Places::new(&[]).first([0.0; 3], &[]), None);
+        let table = PositionTable::new(&positions);
+        assert!(table.has_duplicates, "0 and -0 are the same position");
+        assert!((0..1000).all(|i| table.first(positions[i as usize], &positions) == Some(i)));
+        assert_eq!(table.first([-0.0, 0.0, 0.5], &positions), Some(0));
+        assert_eq!(table.first([0.0, 0.1, 0.5], &positions), None);
+        assert_eq!(PositionTable::new(&[]).first([0.0; 3], &[]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Simplification of an index buffer onto its own vertices, in one quick pass.
+//! Simplification of an index buffer without changing vertices, in one quick pass.
 
 use lodsmith::options::QuickPass;
 use lodsmith::{
@@ -9,25 +9,26 @@ use lodsmith_core::{Attribute, Positions, PositionsView, Semantic, Surface, TriM
 
 use super::IndexError;
 use super::flags::{VERTEX_LOCK, VERTEX_PRIORITY, VERTEX_PROTECT};
-use super::places::Places;
+use super::position_table::PositionTable;
 
-/// The returned error is `ERROR_FACTOR * d.powf(ERROR_POWER)` of the estimated RMS distance `d`, both in shares of the
-/// extent, so that an error limit leaves about as many triangles as meshoptimizer's. (Measured on ten models at .001, .01
-/// and .05. Its error is the largest of its quadrics, which grows more slowly than the mean.)
+/// The returned error is `ERROR_FACTOR * d.powf(ERROR_POWER)` for the estimated RMS distance `d`, both as fractions of
+/// the extent, so that an error limit leaves about as many triangles as in meshoptimizer. (Measured on ten models at
+/// .001, .01 and .05. The error of meshoptimizer is the largest of its quadrics, which grows more slowly than the
+/// mean.)
 const ERROR_FACTOR: f64 = 1.25;
 const ERROR_POWER: f64 = 0.9;
-/// Least estimate that is a limit, as a share of the extent: rounding of what is flat. (Guessed.)
+/// Smallest estimate used as a limit, as a fraction of the extent: rounding errors of flat surfaces. (Guessed.)
 const LEAST_ESTIMATE: f64 = 1e-7;
-/// Importance of a vertex of priority. (Its collapses cost 1.4 times as much, which is guessed; that its moves count like
-/// distances, as any importance above 1 does in a quick pass, is as in meshoptimizer.)
+/// Importance of a vertex with priority. (Its collapses cost 1.4 times as much, which is guessed. As with any
+/// importance above 1 in a quick pass, its displacement counts like a distance, as in meshoptimizer.)
 const PRIORITY_IMPORTANCE: f32 = 1.15;
-/// Weight of the squared step of a vertex in the two degrees of regularity. (As in meshoptimizer.)
+/// Weight of the squared displacement of a vertex in the two degrees of regularity. (As in meshoptimizer.)
 const REGULAR_MOVE: f32 = 0.1;
 const NEARLY_REGULAR_MOVE: f32 = 0.01;
 /// Rules of a pass, from the flags of the call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct QuickRules {
-    /// Vertices on open borders stay.
+    /// Vertices on open borders are locked.
     pub(crate) locks_border: bool,
     /// Whole parts may be removed.
     pub(crate) prunes: bool,
@@ -38,7 +39,7 @@ pub(crate) struct QuickRules {
 }
 
 impl QuickRules {
-    /// Returns the weight of the squared step of a vertex.
+    /// Returns the weight of the squared displacement of a vertex.
     pub(crate) fn move_weight(self) -> f32 {
         match self.regularity {
             0 => 0.0,
@@ -48,13 +49,13 @@ impl QuickRules {
     }
 }
 
-/// A mesh of which all vertices are used, and what is wanted of it.
+/// A mesh without unused vertices, and the target of the simplification.
 pub(crate) struct QuickInput {
     /// Positions of the vertices.
     pub(crate) positions: Vec<[f32; 3]>,
     /// Three vertices for each face.
     pub(crate) triangles: Vec<[VertexId; 3]>,
-    /// Weighted attributes, as many for each vertex, in shares of the largest extent.
+    /// Weighted attributes, the same number for each vertex, as fractions of the largest extent.
     pub(crate) values: Option<Vec<f32>>,
     /// Flags of each vertex: `VERTEX_...`.
     pub(crate) flags: Option<Vec<u8>>,
@@ -68,7 +69,7 @@ pub(crate) struct QuickInput {
     pub(crate) rules: QuickRules,
 }
 
-/// The faces that are left, and the estimate of the error in the units of the mesh.
+/// The remaining faces, and the estimate of the error in the units of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct QuickResult {
     /// Three vertices of the input for each face.
@@ -78,7 +79,8 @@ pub(crate) struct QuickResult {
 }
 
 impl QuickInput {
-    /// Simplifies. The result has no more faces than asked for if the rules allow it, and an error up to the limit.
+    /// Simplifies. The result has at most the target number of faces, if the rules allow it, and an error up to the
+    /// limit.
     ///
     /// # Errors
     /// If no face has an area.
@@ -87,27 +89,27 @@ impl QuickInput {
         if self.target_faces >= all {
             return Ok(self.unchanged());
         }
-        let places = Places::new(&self.positions);
-        let mesh = (places.has_twins || self.values.is_some()).then(|| self.mesh()).transpose()?;
+        let table = PositionTable::new(&self.positions);
+        let mesh = (table.has_duplicates || self.values.is_some()).then(|| self.mesh()).transpose()?;
         let options = self.options();
         let mut data = data_of_flags(self.flags.as_deref());
         data.wedge_values = self.values.clone();
         let mut result = match &mesh {
-            Some(mesh) => self.pass_by_name(mesh, data.view(), &options)?,
-            None => self.pass_by_place(&places, data.view(), &options)?,
+            Some(mesh) => self.pass_by_index_attribute(mesh, data.view(), &options)?,
+            None => self.pass_by_position(&table, data.view(), &options)?,
         };
-        // (The last collapse may exceed the limit by its own cost.)
+        // (The last collapse may exceed the limit by its cost.)
         result.error = result.error.min(self.error_limit.unwrap_or(f64::INFINITY));
         Ok(result)
     }
 
-    /// Returns the error that the calls return for an estimate of the RMS distance.
+    /// Returns the error to return for an estimate of the RMS distance.
     pub(crate) fn error(&self, estimate: f64) -> f64 {
         let extent = self.extent.max(f64::MIN_POSITIVE);
         ERROR_FACTOR * extent * libm::pow(estimate / extent, ERROR_POWER)
     }
 
-    /// Returns the estimate of the RMS distance at which the error is the limit, times a factor.
+    /// Returns the estimate of the RMS distance at which the returned error reaches the limit, multiplied by a factor.
     pub(crate) fn largest_estimate(&self, factor: f64) -> Option<Length> {
         let extent = self.extent.max(f64::MIN_POSITIVE);
         let share =
@@ -115,27 +117,28 @@ impl QuickInput {
         self.error_limit.map(|limit| Length::Units(factor * extent * share(limit)))
     }
 
-    /// Runs one pass over a mesh whose wedges have names.
-    fn pass_by_name(
+    /// Runs one pass over a mesh whose wedges have their index as an attribute.
+    fn pass_by_index_attribute(
         &self,
         mesh: &TriMesh,
         data: MeshData<'_>,
         options: &SimplifyOptions,
     ) -> Result<QuickResult, IndexError> {
         let done = simplify_with(Input::new(mesh).with(data), options, &mut NoControl)?;
-        Ok(QuickResult { faces: faces_by_name(&done)?, error: self.error(done.report.error.estimate) })
+        let faces = faces_by_index_attribute(&done)?;
+        Ok(QuickResult { faces, error: self.error(done.report.error.estimate) })
     }
 
-    /// Runs one pass over positions that all differ.
-    fn pass_by_place(
+    /// Runs one pass over a mesh whose positions all differ.
+    fn pass_by_position(
         &self,
-        places: &Places,
+        table: &PositionTable,
         data: MeshData<'_>,
         options: &SimplifyOptions,
     ) -> Result<QuickResult, IndexError> {
         let surface = Surface::new(PositionsView::F32(&self.positions), &self.triangles)?;
         let done = simplify_with(Input::of_surface(surface).with(data), options, &mut NoControl)?;
-        let faces = self.faces_by_place(&done, places)?;
+        let faces = self.faces_by_position(&done, table)?;
         Ok(QuickResult { faces, error: self.error(done.report.error.estimate) })
     }
 
@@ -154,36 +157,40 @@ impl QuickInput {
         options
     }
 
-    /// Returns the mesh with each vertex as a wedge of its own, whose number is an attribute. Wedges of one position
-    /// have different texture coordinates, so that each needs a partner in a collapse; if the rules are permissive,
-    /// only protected ones.
+    /// Returns the mesh with a wedge for each vertex, and the index of the wedge as an attribute. Wedges at the same
+    /// position have different texture coordinates, so that a collapse must find a partner for each; if the rules are
+    /// permissive, only protected wedges have them.
     fn mesh(&self) -> Result<TriMesh, IndexError> {
         let mut mesh = TriMesh::new(Positions::F32(self.positions.clone()), self.triangles.clone())?;
-        let names: Vec<[f32; 2]> = (0..self.positions.len() as u32).map(name_of).collect();
+        let indices: Vec<[f32; 2]> = (0..self.positions.len() as u32).map(index_as_floats).collect();
         let is_protected = |i: usize| self.flags.as_ref().is_some_and(|flags| flags[i] & VERTEX_PROTECT != 0);
-        let side = |(i, name): (usize, &[f32; 2])| match self.rules.is_permissive && !is_protected(i) {
+        let side = |(i, index): (usize, &[f32; 2])| match self.rules.is_permissive && !is_protected(i) {
             true => [-1.0; 2],
-            false => *name,
+            false => *index,
         };
-        mesh.set_uvs(Some(names.iter().enumerate().map(side).collect()))?;
-        let values = names.into_iter().flatten().collect();
-        mesh.add_attribute(Attribute { semantic: name_attribute(), width: 2, values })?;
+        mesh.set_uvs(Some(indices.iter().enumerate().map(side).collect()))?;
+        let values = indices.into_iter().flatten().collect();
+        mesh.add_attribute(Attribute { semantic: index_attribute(), width: 2, values })?;
         Ok(mesh)
     }
 
-    /// Returns the faces of a result in the vertices of the input, which are found by their positions.
-    fn faces_by_place(&self, done: &Simplified, places: &Places) -> Result<Vec<[u32; 3]>, IndexError> {
+    /// Returns the faces of a result with vertices of the input, found by their positions.
+    fn faces_by_position(
+        &self,
+        done: &Simplified,
+        table: &PositionTable,
+    ) -> Result<Vec<[u32; 3]>, IndexError> {
         let Positions::F32(positions) = done.mesh.positions() else {
             return Err(IndexError::Internal("the precision has changed".to_owned()));
         };
-        let known = positions.iter().map(|&p| places.first(p, &self.positions));
+        let known = positions.iter().map(|&p| table.first(p, &self.positions));
         let known: Option<Vec<u32>> = known.collect();
         let known = known.ok_or_else(|| IndexError::Internal("a vertex has moved".to_owned()))?;
         Ok(done.mesh.triangles().iter().map(|t| t.map(|w| known[done.mesh.vertex_of(w).index()])).collect())
     }
 }
 
-/// Returns which vertices are locked and which are important, as their flags say.
+/// Returns locks and importance of vertices from their flags.
 pub(crate) fn data_of_flags(flags: Option<&[u8]>) -> OwnedMeshData {
     let mut data = OwnedMeshData::default();
     let has = |flag: u8| flags.filter(|flags| flags.iter().any(|f| f & flag != 0));
@@ -193,22 +200,22 @@ pub(crate) fn data_of_flags(flags: Option<&[u8]>) -> OwnedMeshData {
     data
 }
 
-/// The attribute that holds the number of each wedge.
-fn name_attribute() -> Semantic {
+/// The attribute with the index of each wedge.
+fn index_attribute() -> Semantic {
     Semantic::Custom("index".into())
 }
 
-/// Returns a number as two that single precision holds exactly.
-fn name_of(i: u32) -> [f32; 2] {
+/// Splits an index into two numbers that single precision represents exactly.
+fn index_as_floats(i: u32) -> [f32; 2] {
     [(i & 0xFFFF) as f32, (i >> 16) as f32]
 }
 
-/// Returns the faces of a result in the numbers that its wedges have kept.
-fn faces_by_name(done: &Simplified) -> Result<Vec<[u32; 3]>, IndexError> {
-    let names = done.mesh.further_attributes().iter().find(|a| a.semantic == name_attribute());
-    let names =
-        names.ok_or_else(|| IndexError::Internal("the numbers of the vertices are lost".to_owned()))?;
-    let of = |w: WedgeId| match *names.of(w) {
+/// Returns the faces of a result with the indices that its wedges have as an attribute.
+fn faces_by_index_attribute(done: &Simplified) -> Result<Vec<[u32; 3]>, IndexError> {
+    let indices = done.mesh.further_attributes().iter().find(|a| a.semantic == index_attribute());
+    let indices =
+        indices.ok_or_else(|| IndexError::Internal("the indices of the vertices are lost".to_owned()))?;
+    let of = |w: WedgeId| match *indices.of(w) {
         [low, high] => low as u32 | (high as u32) << 16,
         _ => 0,
     };
@@ -222,15 +229,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_exact() {
+    fn indices_as_floats_are_exact() {
         for i in [0, 1, 65_535, 65_536, 16_777_217, u32::MAX - 1] {
-            let [low, high] = name_of(i);
+            let [low, high] = index_as_floats(i);
             assert_eq!(low as u32 | (high as u32) << 16, i);
         }
     }
 
     #[test]
-    fn a_limit_of_the_error_is_used_and_kept() {
+    fn the_error_limit_is_used_and_not_exceeded() {
         let mesh = shapes::blob(4, 1);
         let positions: Vec<[f32; 3]> = mesh.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
         let run = |target_faces, error_limit| {
@@ -256,12 +263,12 @@ mod tests {
         assert_eq!(run(500, Some(0.0)).error, 0.0);
     }
 
-    /// A vertex that was on no seam came onto one when a vertex with several names was merged beside it, and was not
-    /// marked. (Checked in debug builds after each sweep.)
+    /// When a collapse put a vertex onto a seam that had not been on one before, it was not marked as a seam vertex.
+    /// (Debug builds check this after each sweep.)
     #[test]
-    fn a_vertex_may_come_onto_a_seam() {
+    fn a_collapse_may_put_a_vertex_onto_a_seam() {
         let corner = [3.5; 3];
-        let places = [
+        let moved = [
             (1, [3.25, 1.75, 3.5]),
             (9, [1.25, 2.25, 3.75]),
             (11, [2.25, 3.5, 1.75]),
@@ -272,7 +279,7 @@ mod tests {
             (49, [3.0, 0.75, 3.5]),
         ];
         let mut positions = vec![corner; 53];
-        places.iter().for_each(|&(i, p): &(usize, [f32; 3])| positions[i] = p);
+        moved.iter().for_each(|&(i, p): &(usize, [f32; 3])| positions[i] = p);
         let [fan, sheet]: [&[u32]; 2] = [
             &[18, 13, 47, 1, 52, 12, 18, 6, 3, 50, 35, 47, 41, 39],
             &[19, 2, 49, 32, 24, 40, 30, 11, 27, 49, 45, 29],
@@ -294,7 +301,7 @@ mod tests {
         assert!(input.run().unwrap().faces.len() < 10);
     }
 
-    /// A back goes with its front, whatever else is in the call.
+    /// The back of a sheet is removed together with its front, whatever else is in the call.
     #[test]
     fn sheets_with_two_sides_are_simplified() {
         // Two sheets, one of them with a back.

@@ -1,4 +1,4 @@
-//! Simplification of an index buffer with vertices that move, as do their attributes.
+//! Simplification of an index buffer that moves vertices and changes their attributes.
 
 use lodsmith::options::QuickPass;
 use lodsmith::{BorderPolicy, Input, NoControl, SimplifyOptions, Stop, TopologyPolicy, simplify_with};
@@ -12,15 +12,16 @@ use super::quick::{QuickInput, data_of_flags};
 /// Values per morph target.
 const TARGET_WIDTH: usize = 3;
 
-/// Factor of the estimate of a run with vertices that move, so that an error limit leaves about as many triangles as
-/// meshoptimizer's: its error is that of the collapses, before vertices move. (Measured on seven models at .01.)
+/// Factor on the error estimate of a run that moves vertices, so that an error limit leaves about as many triangles as
+/// in meshoptimizer, whose error is the error of the collapses, before vertices move. (Measured on seven models at
+/// .01.)
 const ESTIMATE_FACTOR: f64 = 1.7;
 
-/// The result of a run with vertices that move.
+/// The result of a run that moves vertices.
 pub(crate) struct UpdateResult {
-    /// Three vertices of the input for each face: the places where the moved ones are stored.
+    /// Three vertices of the input for each face: where the moved vertices are stored.
     pub(crate) faces: Vec<[u32; 3]>,
-    /// For each changed vertex its number, position and attributes.
+    /// For each changed vertex, its index, position and attributes.
     pub(crate) vertices: Vec<(u32, [f32; 3], Vec<f32>)>,
     pub(crate) error: f64,
 }
@@ -29,13 +30,13 @@ pub(crate) struct UpdateResult {
 pub(crate) struct MovedValues {
     /// `weights.len()` values for each vertex.
     pub(crate) values: Vec<f32>,
-    /// Weights above 0: a difference of 1 across a length counts like a distance of that share of the length.
+    /// Weights above 0: with weight w, a difference of 1 over an edge counts like a distance of w times `length`.
     pub(crate) weights: Vec<f32>,
-    /// The length: that of an edge of the result.
+    /// The edge length of the result.
     pub(crate) length: f64,
 }
 
-/// Simplifies with the placement of least error. Attributes count like offsets of a position, which are distances.
+/// Simplifies with optimal placement. Attributes count like offsets of a position, which are distances.
 pub(crate) fn run(input: &QuickInput, moved: &MovedValues) -> Result<UpdateResult, IndexError> {
     let mesh = with_values(input, moved)?;
     let limit = input.error_limit;
@@ -57,7 +58,7 @@ fn options(input: &QuickInput) -> SimplifyOptions {
     options
 }
 
-/// The factor between an attribute and the offset that stands for it: the length across which a difference counts.
+/// Returns the factor from an attribute to the offset that represents it in the cost.
 fn scale(moved: &MovedValues, k: usize) -> f32 {
     (f64::from(moved.weights[k]) * moved.length) as f32
 }
@@ -78,8 +79,8 @@ fn with_values(input: &QuickInput, moved: &MovedValues) -> Result<TriMesh, Index
     Ok(mesh)
 }
 
-/// Finds a place among the vertices of the input for each wedge of a result: its own if it stayed, else the nearest that
-/// is free.
+/// Finds a vertex of the input to store each wedge of a result: the same vertex if the wedge was kept, else the nearest
+/// free vertex.
 fn stored(
     mesh: &TriMesh,
     result: &TriMesh,
@@ -89,10 +90,10 @@ fn stored(
     let from = correspondence(mesh, result).map_err(|error| IndexError::Internal(error.to_string()))?;
     let mut place: Vec<Option<WedgeId>> = vec![None; result.wedge_count()];
     let mut is_taken = vec![false; mesh.wedge_count()];
-    // Those that stayed come first.
-    for stays in [true, false] {
+    // First the wedges that were kept.
+    for is_kept in [true, false] {
         for w in (0..result.wedge_count()).map(WedgeId::new) {
-            if matches!(from.sources()[w.index()], Source::Wedge(_)) != stays {
+            if matches!(from.sources()[w.index()], Source::Wedge(_)) != is_kept {
                 continue;
             }
             let mut near = from.blend(w).into_iter().flatten().collect::<Vec<_>>();

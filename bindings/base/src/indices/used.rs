@@ -1,4 +1,4 @@
-//! The vertices that an index buffer uses, under new numbers.
+//! The vertices that an index buffer uses, renumbered.
 
 use std::collections::HashMap;
 
@@ -6,10 +6,10 @@ use lodsmith_core::VertexId;
 
 use super::IndexError;
 
-/// Vertices per index above which the buffer of vertices is not walked.
+/// Vertices per index above which used vertices are found without a pass over all vertices.
 const SPARSE_RATIO: usize = 4;
 
-/// The used vertices, and the triangles in their numbers.
+/// The used vertices, and the triangles with the new numbers.
 pub(crate) struct UsedVertices {
     /// The index of each used vertex, ascending.
     pub(crate) indices: Vec<u32>,
@@ -18,19 +18,22 @@ pub(crate) struct UsedVertices {
 }
 
 impl UsedVertices {
-    /// Finds the used vertices. Cost: O(V + F), or O(F log F) where far more vertices than indices are there.
+    /// Finds the used vertices. Cost: O(V + F), or O(F log F) if there are far more vertices than indices.
     ///
     /// # Errors
-    /// If the indices are not a multiple of three, or one is out of range.
+    /// If the number of indices is not a multiple of three, or an index is out of range.
     pub(crate) fn new(indices: &[u32], vertex_count: usize) -> Result<Self, IndexError> {
         let (faces, rest) = indices.as_chunks::<3>();
         if !rest.is_empty() {
-            return Err(IndexError::Argument(format!("{} indices are no multiple of three", indices.len())));
+            return Err(IndexError::Argument(format!(
+                "{} indices are not a multiple of three",
+                indices.len()
+            )));
         }
         if let Some(at) = indices.iter().position(|&i| i as usize >= vertex_count) {
             let index = indices[at];
             return Err(IndexError::Argument(format!(
-                "index {at} names vertex {index}, but there are {vertex_count}"
+                "index {at} refers to vertex {index}, but there are {vertex_count} vertices"
             )));
         }
         if vertex_count / SPARSE_RATIO > indices.len() {
@@ -69,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_ways_give_the_same_numbers() {
+    fn both_algorithms_give_the_same_numbers() {
         let faces = [[7, 2, 9], [9, 2, 4], [4, 0, 7]];
         let (dense, sparse) = (UsedVertices::dense(&faces, 10), UsedVertices::sparse(&faces));
         assert_eq!(dense.indices, [0, 2, 4, 7, 9]);
@@ -78,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_index_buffer_is_an_error() {
+    fn invalid_index_buffers_are_errors() {
         assert!(UsedVertices::new(&[0, 1], 3).is_err());
         assert!(UsedVertices::new(&[0, 1, 3], 3).is_err());
         assert!(UsedVertices::new(&[], 0).is_ok_and(|used| used.triangles.is_empty()));
