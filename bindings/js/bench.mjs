@@ -1,9 +1,9 @@
-// Times and errors of the package beside three's SimplifyModifier and MeshoptSimplifier, and the time of a run beside that
-// of the command. Run it in a folder with the packages lodsmith, three, meshoptimizer and @gltf-transform/core; LODSMITH
-// names the command, which reads the models and judges the results.
+// Times and errors of the package compared with SimplifyModifier of three.js and MeshoptSimplifier, and the time of a
+// run compared with the command. Run it in a folder with the packages lodsmith, three, meshoptimizer and
+// @gltf-transform/core; LODSMITH is the path of the command, which reads the models and measures the results.
 //
 // usage: node bench.mjs rivals MODEL...    a table of all models, to a tenth of the triangles
-//        node bench.mjs overhead           a ball of a million triangles
+//        node bench.mjs overhead           a bumpy sphere of a million triangles
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { basename, join } from 'node:path';
@@ -22,7 +22,7 @@ const command = process.env.LODSMITH ?? 'lodsmith';
 const folder = mkdtempSync(join(tmpdir(), 'lodsmith-bench-'));
 process.on('exit', () => rmSync(folder, { recursive: true }));
 
-/** Reads a model as a geometry of three.js, with vertices of their own at seams. */
+/** Reads a model as a geometry of three.js, with separate vertices at seams. */
 async function readGeometry(path) {
   const glb = join(folder, 'model.glb');
   execFileSync(command, ['convert', path, glb, '--force', '--quiet'], { stdio: ['ignore', 'ignore', 'inherit'] });
@@ -58,7 +58,7 @@ function writePly(path, positions, indices) {
   writeFileSync(path, Buffer.concat([Buffer.from(header), floats, faces]));
 }
 
-/** Returns the least processor time of some runs in seconds, and the last result. */
+/** Returns the shortest CPU time of several runs in seconds, and the last result. */
 async function timed(run) {
   let [least, result] = [Infinity, null];
   for (let i = 0; i < RUNS; i++) {
@@ -86,7 +86,7 @@ const RIVALS = {
     return indexed(geometry, MeshoptSimplifier.simplify(indices, positions, 3, target(geometry), 1)[0]);
   },
   '`SimplifyModifier` of three': (geometry) => {
-    // It is told the number of vertices to remove.
+    // Its argument is the number of vertices to remove.
     return new SimplifyModifier().modify(geometry, Math.floor(geometry.getAttribute('position').count * (1 - RATIO)));
   },
 };
@@ -98,10 +98,10 @@ async function cell(name, geometry, original) {
   const position = result.getAttribute('position').array;
   const indices = result.getIndex()?.array ?? Uint32Array.from({ length: position.length / 3 }, (_, i) => i);
   writePly(path, position, indices);
-  const told = JSON.parse(execFileSync(command, ['compare', original, path, '--json', '--quiet'], { encoding: 'utf8' }));
-  const percent = (x) => ((100 * x) / told.diagonal).toPrecision(3);
+  const found = JSON.parse(execFileSync(command, ['compare', original, path, '--json', '--quiet'], { encoding: 'utf8' }));
+  const percent = (x) => ((100 * x) / found.diagonal).toPrecision(3);
   const attributes = Object.keys(result.attributes).filter((x) => x !== 'position').join(', ') || 'none';
-  return `${indices.length / 3}: ${seconds.toFixed(3)} s, ${percent(told.rms.symmetric)}, ${percent(told.hausdorff.symmetric)}; ${attributes}`;
+  return `${indices.length / 3}: ${seconds.toFixed(3)} s, ${percent(found.rms.symmetric)}, ${percent(found.hausdorff.symmetric)}; ${attributes}`;
 }
 
 async function rivals(paths) {
@@ -118,7 +118,7 @@ async function rivals(paths) {
   for (const [name, cells] of rows) console.log(`| ${name} | ${cells.join(' | ')} |`);
 }
 
-/** A ball of bumps of a million triangles. */
+/** A bumpy sphere of a million triangles. */
 function ball() {
   const n = 724;
   const positions = new Float32Array(3 * (n * (n - 1) + 2));
@@ -145,7 +145,7 @@ function overhead() {
   const path = join(folder, 'ball.ply');
   writePly(path, mesh.positions, mesh.indices);
   const [here, there] = [[], []];
-  // In turn, so that other programs disturb both alike.
+  // The two take turns, so that other load affects both.
   for (let i = 0; i < 10; i++) {
     const begin = performance.now();
     simplifyMesh(mesh, { ratio: RATIO });

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds the npm package: two WebAssembly modules and the JavaScript around them in `dist`, and the tarball in the folder
-# that --pack names. Tools that are not installed are kept in `target/js`. The target
-# wasm32-unknown-unknown is added by rustup if it is not there.
+# Builds the npm package: two WebAssembly modules and the JavaScript around them in `dist`, and with --pack the tarball
+# in a folder. Tools that are not installed are kept in `target/js`. rustup adds the target wasm32-unknown-unknown if it
+# is missing.
 #
 # usage: bindings/js/build.sh [--pack FOLDER]
 set -euo pipefail
@@ -25,13 +25,13 @@ wasm_opt=$(optimiser)
 
 need_target
 
-# One unit for everything: the modules are downloaded, and a build of them is rare. Less is inlined than by default, which
-# takes some 7 % off the download. (Measured: a threshold of 25; opt-level "s" would take off 8 % more, and runs would
-# take twice as long.)
+# A single codegen unit: the download size matters more than the build time. Less is inlined than by default, which
+# makes the download about 7 % smaller. (Measured: a threshold of 25; with opt-level "s", it would be another 8 %
+# smaller, but runs would take twice as long.)
 export CARGO_PROFILE_RELEASE_LTO=fat CARGO_PROFILE_RELEASE_CODEGEN_UNITS=1 CARGO_PROFILE_RELEASE_PANIC=abort
 export CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS="$wasm_flags -C llvm-args=-inline-threshold=25"
 
-# What runs once a call is small instead of fast.
+# Code that runs once per call is optimised for size.
 small=()
 for package in lodsmith-asset lodsmith-js serde_json indexmap; do
     small+=(--config "profile.release.package.$package.opt-level=\"z\"")
@@ -42,7 +42,7 @@ module() {
     local name=$1 features=$2
     cargo build --release --quiet --locked --package lodsmith-js --features "$features" "${small[@]}" \
         --target "$triple" --target-dir "$target_dir"
-    # (Measured: what wasm-opt inlines on top of that makes runs 4 % faster and the download 3 % larger.)
+    # (Measured: inlining by wasm-opt in addition makes runs 4 % faster and the download 3 % larger.)
     finish_module "$target_dir/$triple/release/lodsmith_js.wasm" "$dist/wasm" "$name" -O3 --skip-pass=inlining-optimizing
 }
 
@@ -55,7 +55,7 @@ cp bindings/js/README.md "$dist/README.md"
 node bindings/js/options_types.mjs "$dist"
 version=$(sed -n '/^\[workspace.package\]/,/^$/s/^version = "\(.*\)"$/\1/p' Cargo.toml)
 [ "$(node -p 'require("./bindings/js/package.json").version')" = "$version" ] || {
-    printf 'bindings/js/package.json is not of version %s\n' "$version" >&2
+    printf 'bindings/js/package.json does not have version %s\n' "$version" >&2
     exit 1
 }
 for name in lodsmith lodsmith_files; do

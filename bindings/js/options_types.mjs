@@ -1,4 +1,4 @@
-// Writes the types of the options, from the tables of the two modules, into options.d.ts of the package.
+// Writes options.d.ts of the package: the types of the options, from the tables of the two modules.
 //
 // usage: node options_types.mjs DIST
 import { readFile, writeFile } from 'node:fs/promises';
@@ -35,7 +35,7 @@ const engine = options();
 const isOfFiles = ({ name }) => !NOT_OF_BYTES.includes(name) && !engine.some((option) => option.name === camel(name));
 await writeFile(
   `${dist}/options.d.ts`,
-  `/** Options of the engine: those of \`lodsmith simplify\`, with the same values and the same defaults. */
+  `/** Options of the engine, with the values and defaults of \`lodsmith simplify\`. */
 export interface EngineOptions {\n${engine.map(row).join('')}}
 
 /** Further options for a file. */

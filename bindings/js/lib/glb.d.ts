@@ -1,7 +1,7 @@
 import type { FileOptions } from './options.js';
 import type { Report } from './report.js';
 
-/** Loads the module of this file, which `simplifyGlb` does otherwise. */
+/** Loads the WebAssembly module in advance; otherwise the first call of `simplifyGlb` loads it. */
 export function load(): Promise<void>;
 
 /** Options of a run. */
@@ -10,7 +10,7 @@ export interface GlbOptions extends FileOptions {
   onProgress?: (done: number, stage: string) => boolean | void;
 }
 
-/** The report of a run on a file: that of the run, and what is known of the file. */
+/** The report of a run on a file: the report of the run, with additional keys about the file. */
 export interface FileReport extends Report {
   /** Seconds by stage. */
   seconds: Record<string, number>;
@@ -20,16 +20,17 @@ export interface FileReport extends Report {
   baked?: { sets: { material: string; size: number; atlas: 'keep' | 'new'; maps: string[] }[] };
 }
 
-/** A file, and the report of the run. */
+/** A simplified file, and the report of the run. */
 export interface SimplifiedGlb {
   bytes: Uint8Array;
   report: FileReport;
-  /** What the file or its format made us change or leave out. */
+  /** Warnings about data that were changed or dropped. */
   warnings: string[];
 }
 
 /**
- * Simplifies all meshes of a GLB file under one budget, with the bytes of `lodsmith simplify IN.glb -o OUT.glb`. Everything
- * else in the file stays. Geometry may be compressed (Draco, meshopt); in the result it is if `compress` says so.
+ * Simplifies all meshes of a GLB file with one target for all. The result has the bytes of
+ * `lodsmith simplify IN.glb -o OUT.glb`; everything else in the file is kept. The input may be compressed (Draco,
+ * meshopt); the result is compressed only with `compress`.
  */
 export function simplifyGlb(bytes: Uint8Array | ArrayBuffer, options: GlbOptions): Promise<SimplifiedGlb>;

@@ -4,7 +4,7 @@ import { source } from './load.js';
 
 let loading;
 
-/** Loads the module. It happens at the first call otherwise. */
+/** Loads the module; otherwise the first call does. */
 export function load() {
   loading ??= source(new URL('./wasm/lodsmith_files_bg.wasm', import.meta.url)).then(async (from) => {
     await init({ module_or_path: from });

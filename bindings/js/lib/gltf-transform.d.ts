@@ -11,7 +11,7 @@ export interface LodsmithOptions extends Omit<SimplifyOptions, 'locked' | 'impor
 }
 
 /**
- * Returns a transform that simplifies all meshes of the default scene under one budget. Normals, texture coordinates,
- * colours, tangents, skins, morph targets and custom attributes are kept, in their types.
+ * Returns a transform that simplifies all meshes of the default scene with one target for all. Normals, texture
+ * coordinates, colours, tangents, skins, morph targets and custom attributes are kept, in their types.
  */
 export function lodsmith(options: LodsmithOptions): Transform;

@@ -35,7 +35,7 @@ export function lodsmith(options) {
   return Object.defineProperty(transform, 'name', { value: 'lodsmith' });
 }
 
-/** Returns for each mesh of a scene its number of instances, its scale, and its world matrix if it has one instance. */
+/** Returns, for each mesh of a scene, its number of instances, its scale, and its world matrix if it has one instance. */
 function placements(scene) {
   const placed = new Map();
   scene?.traverse((node) => {
@@ -43,7 +43,7 @@ function placements(scene) {
     if (!mesh) return;
     const matrix = node.getWorldMatrix();
     const copies = node.getExtension('EXT_mesh_gpu_instancing')?.listAttributes()[0]?.getCount() ?? 1;
-    // The node of a skinned mesh does not place it.
+    // The node of a skinned mesh does not transform it.
     const scale = node.getSkin() ? 0 : largestScale(matrix);
     const of = placed.get(mesh) ?? { instances: 0, scale: 0, matrix };
     placed.set(mesh, { instances: of.instances + copies, scale: Math.max(of.scale, scale), matrix });
@@ -55,7 +55,7 @@ function placements(scene) {
 function largestScale(m) {
   const times = (v) => [0, 1, 2].map((r) => m[r] * v[0] + m[4 + r] * v[1] + m[8 + r] * v[2]);
   const back = (v) => [0, 1, 2].map((c) => m[4 * c] * v[0] + m[4 * c + 1] * v[1] + m[4 * c + 2] * v[2]);
-  // (No axis of a usual matrix is orthogonal to this direction.)
+  // (This direction is not orthogonal to an axis of usual matrices.)
   let v = [0.577, 0.578, 0.579];
   let scale = 0;
   for (let i = 0; i < 32; i++) {
@@ -68,7 +68,7 @@ function largestScale(m) {
   return scale;
 }
 
-/** Returns the coordinate system of a mesh as a number: meshes with equal matrices have one. */
+/** Returns the number of the coordinate system of a mesh: meshes with equal matrices share one. */
 function systemOf(matrix) {
   const size = Math.max(...matrix.map(Math.abs));
   const text = matrix.map((x) => Math.round((x / size) * 1e6)).join() + ` ${size.toPrecision(6)}`;
@@ -101,7 +101,7 @@ function slotOf(semantic, size) {
 
 const OWN = ['normals', 'tangents', 'uvs', 'colors'];
 
-/** Returns the attributes of a primitive with their accessors: own ones and those of morph targets. */
+/** Returns the attributes of a primitive and of its morph targets, with their accessors. */
 function attributesOf(primitive) {
   const all = [];
   for (const semantic of primitive.listSemantics().filter((semantic) => semantic !== 'POSITION')) {
@@ -120,7 +120,7 @@ function attributesOf(primitive) {
   return all;
 }
 
-/** Returns the triangles of a primitive of any mode that has some. */
+/** Returns the triangles of a primitive, for every mode with triangles. */
 function trianglesOf(primitive) {
   const count = primitive.getAttribute('POSITION').getCount();
   const own = primitive.getIndices()?.getArray() ?? Uint32Array.from({ length: count }, (_, i) => i);
@@ -167,7 +167,7 @@ function gathered(document, mesh, place) {
   return { mesh, parts, given };
 }
 
-/** Writes the values of an accessor into the array of its attribute, which is 0, or white, where others lack it. */
+/** Writes the values of an accessor into the array of its attribute; primitives without it get 0, or white. */
 function fill(given, slot, accessor, vertex, count) {
   const isColor = slot.name.startsWith('colors');
   const own = accessor.getArray();
@@ -210,7 +210,7 @@ function replace(document, { mesh, parts }, result) {
     for (const { accessor, slot, put } of attributes) {
       const from = OWN.includes(slot.name) ? result[slot.name] : result.attributes?.[slot.name]?.array;
       if (!from) {
-        // What the engine does not carry is named by its report.
+        // The report of the engine names dropped attributes.
         put(null);
         old.add(accessor);
         continue;

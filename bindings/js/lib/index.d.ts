@@ -5,26 +5,26 @@ export type { EngineOptions } from './options.js';
 export type { Report } from './report.js';
 export { LodsmithSimplifier } from './simplifier.js';
 
-/** Resolves when the module is loaded. No other function of this file may be called before. */
+/** Resolves when the WebAssembly module is loaded. Other functions of this file must not be called before. */
 export const ready: Promise<void>;
 
 /** Integers of any size for indices. */
 export type IndexArray = Uint32Array | Uint16Array | Uint8Array | Int32Array | Int16Array;
-/** Values of an attribute: floats are blended; integers are labels and are not. */
+/** Values of an attribute: floats are interpolated; integers are labels and are not. */
 export type AttributeArray =
   Float32Array | Uint8Array | Int8Array | Uint16Array | Int16Array | Uint32Array | Int32Array;
 
-/** Values of an attribute with their number for each vertex. */
+/** Values of an attribute, and the number of values for each vertex. */
 export interface Attribute<A extends AttributeArray = AttributeArray> {
   array: A;
   itemSize: number;
 }
 
-/** A mesh of triangles: each vertex has one row in every array but `indices` and `regions`. */
+/** A triangle mesh: each vertex has one row in every array except `indices` and `regions`. */
 export interface Mesh {
   /** Three numbers for each vertex. */
   positions: Float32Array | Float64Array;
-  /** Three vertices for each triangle, counter-clockwise seen from outside; without them the vertices in order. */
+  /** Three vertices for each triangle, counter-clockwise seen from outside; by default three consecutive vertices. */
   indices?: IndexArray;
   /** Three numbers for each vertex. */
   normals?: Float32Array;
@@ -34,16 +34,16 @@ export interface Mesh {
   colors?: Float32Array;
   /** Four numbers for each vertex: a direction, and 1 or -1. */
   tangents?: Float32Array;
-  /** The number of a material or group for each triangle; its borders stay where they are. */
+  /** The number of a material or group for each triangle; borders between them keep their lines. */
   regions?: Uint32Array;
   /**
-   * Any others by name. Some names have a meaning: `uvs1`, `colors1` and so on, `joints0` and `weights0` of a skin,
-   * `morph0_positions`, `morph0_normals` and `morph0_tangents` for the offsets of morph targets.
+   * Other attributes by name. Some names have a meaning: `uvs1`, `colors1` and so on, `joints0` and `weights0` of a
+   * skin, `morph0_positions`, `morph0_normals` and `morph0_tangents` for the offsets of morph targets.
    */
   attributes?: Record<string, AttributeArray | Attribute>;
 }
 
-/** The result of a run: the arrays that the mesh had, in the same types, with fewer rows. */
+/** The result of a run: the arrays of the mesh, in the same types, with fewer rows. */
 export interface SimplifiedMesh extends Mesh {
   indices: Uint32Array;
   attributes?: Record<string, Attribute>;
@@ -51,9 +51,9 @@ export interface SimplifiedMesh extends Mesh {
 
 /** Options of a run. */
 export interface SimplifyOptions extends EngineOptions {
-  /** For each vertex 1 if it keeps its position and its attributes, else 0. */
+  /** For each vertex, 1 to keep its position and its attributes, else 0. */
   locked?: Uint8Array;
-  /** For each vertex the factor by which its place gets more triangles. */
+  /** For each vertex, the factor on the density of triangles around it. */
   importance?: Float32Array;
   /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
   onProgress?: (done: number, stage: string) => boolean | void;
@@ -65,7 +65,7 @@ export interface ScenePart extends Mesh {
   instances?: number;
   /** Scale of the mesh in the scene; 1 by default. */
   scale?: number;
-  /** Number of its coordinate system, if it has one instance: parts of one system that touch stay connected. */
+  /** Number of its coordinate system, if it has one instance: touching parts in the same system stay connected. */
   system?: number;
 }
 
@@ -82,15 +82,15 @@ export interface MeshCounts {
 /**
  * Returns a simplified copy of a mesh.
  *
- * Vertices at equal positions count as one; where their attributes differ there is a seam, which keeps its line.
+ * Vertices at equal positions count as one vertex; if their attributes differ, they are a seam, which keeps its line.
  * @throws {TypeError} for an option that does not exist, or an array of the wrong type.
- * @throws {RangeError} for a value that cannot be used, or arrays that are not a mesh.
+ * @throws {RangeError} for an invalid value, or arrays that are not a mesh.
  */
 export function simplifyMesh(mesh: Mesh, options: SimplifyOptions): SimplifiedMesh & { report: Report };
 
-/** Returns simplified copies of meshes, under one budget. */
+/** Returns simplified copies of meshes, with one target for all. */
 export function simplifyScene(
-  scene: { meshes: ScenePart[]; /** Of the box around all instances. */ diagonal?: number },
+  scene: { meshes: ScenePart[]; /** Of the bounding box of all instances. */ diagonal?: number },
   options: SimplifyOptions,
 ): { meshes: SimplifiedMesh[]; counts: MeshCounts[]; report: Report };
 

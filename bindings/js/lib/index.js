@@ -4,7 +4,7 @@ import * as engine from './wasm/lodsmith.js';
 export { ready } from './ready.js';
 export { LodsmithSimplifier } from './simplifier.js';
 
-/** Parts options of a call from the function that is told its progress. */
+/** Separates the options of a call from its progress function. */
 function parted(options) {
   const { onProgress, ...rest } = options ?? {};
   return [rest, onProgress];

@@ -1,4 +1,4 @@
-// Loading of a WebAssembly module that lies beside this file.
+// Loads a WebAssembly module from the folder of this file.
 
 /**
  * Returns what the `init` of a module takes: a URL to fetch, or in Node the bytes of the file.

@@ -1,4 +1,4 @@
-/** A figure for each direction between the original and the result, and for both. */
+/** A distance from the original to the result, from the result to the original, and for both directions. */
 export interface BothWays {
   forward: number;
   backward: number;
@@ -8,7 +8,7 @@ export interface BothWays {
 /** A change of an option, and the value or direction that it would need. */
 export interface OptionChange {
   option: string;
-  /** Its value in the run; null if it was off. */
+  /** The value in the run; null if the option was off. */
   now: string | number | null;
   to: string;
 }
@@ -24,13 +24,13 @@ export interface Report {
   reached: boolean;
   stopped_by: string;
   error: {
-    /** The engine's own estimate of the RMS distance. */
+    /** The estimate of the RMS distance by the engine. */
     estimate: number;
-    /** The proven bound, if one was asked for. */
+    /** The proven bound, if one was requested. */
     bound: number | null;
     measured: { hausdorff: BothWays; mean: BothWays; rms: BothWays } | null;
     unit: 'model';
-    /** Of the box around the original. */
+    /** Of the bounding box of the original. */
     diagonal: number;
   };
   refusals: Record<string, number>;
@@ -38,9 +38,9 @@ export interface Report {
   parts_removed: number;
   necks_cut: number;
   pairs_contracted: number;
-  /** Pairs of faces of the input that lie on each other with opposite windings, reduced as one side. */
+  /** Pairs of faces of the input that lie on each other with opposite windings and were simplified as one side. */
   two_sided_pairs: number;
-  /** Sheets with two sides that were not reduced as one. */
+  /** Sheets with two sides that were not simplified as one. */
   unpaired_sheets: number;
   pruned: { parts: number; faces: number };
   locked: { vertices: number; faces: number };

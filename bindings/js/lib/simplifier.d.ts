@@ -1,4 +1,4 @@
-/** Rules of a call. */
+/** Flags of a call. */
 export type SimplifierFlag =
   | 'LockBorder'
   | 'Sparse'
@@ -13,16 +13,16 @@ export type SimplifierFlag =
 type Indices = Uint32Array | Int32Array | Uint16Array | Int16Array;
 
 /**
- * An object with functions of `MeshoptSimplifier` (package meshoptimizer), with the same arguments and results, to be used
- * in its place: in `simplify({ simplifier })` of glTF Transform, or by itself. Strides count floats, and errors are shares
- * of the largest extent of the positions.
+ * A replacement for `MeshoptSimplifier` (package meshoptimizer), with the same arguments and results: for
+ * `simplify({ simplifier })` of glTF Transform, or by itself. Strides count floats, and errors are fractions of the
+ * largest extent of the positions.
  */
 export const LodsmithSimplifier: {
   readonly supported: boolean;
   /** Resolves when the other functions may be called. */
   readonly ready: Promise<void>;
 
-  /** Returns the indices that are left, all of vertices of the input, and an estimate of the error. */
+  /** Returns the remaining indices, which refer to vertices of the input, and an estimate of the error. */
   simplify(
     indices: Indices,
     positions: Float32Array,
@@ -32,7 +32,7 @@ export const LodsmithSimplifier: {
     flags?: SimplifierFlag[],
   ): [Uint32Array, number];
 
-  /** The same, with attributes in the cost. `locks` has flags for each vertex: 1 lock, 2 protect, 4 priority. */
+  /** Like `simplify`, with attributes in the cost. `locks` has flags for each vertex: 1 lock, 2 protect, 4 priority. */
   simplifyWithAttributes(
     indices: Indices,
     positions: Float32Array,
@@ -46,7 +46,7 @@ export const LodsmithSimplifier: {
     flags?: SimplifierFlag[],
   ): [Uint32Array, number];
 
-  /** The same with vertices that move: changes the arrays, and returns the number of indices that are left. */
+  /** Like `simplifyWithAttributes`, but moves vertices: changes the arrays, and returns the number of remaining indices. */
   simplifyWithUpdate(
     indices: Indices,
     positions: Float32Array,
@@ -63,12 +63,12 @@ export const LodsmithSimplifier: {
   /** Throws: points are not simplified. */
   simplifyPoints(): never;
 
-  /** Returns the largest extent of the positions, by which errors are multiplied to be distances. */
+  /** Returns the largest extent of the positions: errors times this extent are distances. */
   getScale(positions: Float32Array, stride: number): number;
 
   /**
-   * Numbers the vertices in the order of their use. Changes the indices; returns the new number of each vertex
-   * (0xffffffff if no index names it), and how many there are.
+   * Renumbers the vertices in the order of their use. Changes the indices; returns the new index of each vertex
+   * (0xffffffff if it is unused), and the number of used vertices.
    */
   compactMesh(indices: Indices): [Uint32Array, number];
 };

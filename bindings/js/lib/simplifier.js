@@ -23,10 +23,10 @@ function bits(flags) {
   return all;
 }
 
-/** Checks what the engine cannot see. */
+/** Checks arguments that the engine does not check. */
 function target(count, error, indices) {
   if (!(count >= 0) || count % 3 !== 0) {
-    throw new RangeError(`a target of ${count} indices is no multiple of three`);
+    throw new RangeError(`a target of ${count} indices is not a multiple of three`);
   }
   if (count > indices.length) {
     throw new RangeError(`a target of ${count} indices is more than the ${indices.length} there are`);
@@ -34,7 +34,7 @@ function target(count, error, indices) {
   if (!(error >= 0)) throw new RangeError(`a target error of ${error} is not 0 or more`);
 }
 
-/** The rows of attributes of the weights that are given; without weights there are none. */
+/** Returns the attribute rows for the given weights; without weights there are none. */
 function attributeRows(attributes, stride, weights) {
   if (stride < weights.length) {
     throw new RangeError(`a stride of ${stride} is too small for ${weights.length} attributes`);

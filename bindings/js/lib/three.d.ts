@@ -11,6 +11,6 @@ export interface GeometryOptions extends SimplifyOptions {
 }
 
 /**
- * Returns a simplified copy of a geometry, with its attributes, groups and morph targets. Await `ready` before.
+ * Returns a simplified copy of a geometry, with its attributes, groups and morph targets. Await `ready` first.
  */
 export function simplifyGeometry(geometry: BufferGeometry, options: GeometryOptions): BufferGeometry;

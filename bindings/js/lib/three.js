@@ -54,7 +54,7 @@ function namedOf(result, name) {
   return [found?.array, found?.itemSize];
 }
 
-/** Returns the triangles of the range that is drawn. */
+/** Returns the triangles of the draw range. */
 function trianglesOf(geometry, count) {
   const own = geometry.getIndex();
   const all = own ? plain(own) : Uint32Array.from({ length: count }, (_, i) => i);
@@ -63,7 +63,7 @@ function trianglesOf(geometry, count) {
   return Uint32Array.from(all.subarray(start, start + Math.max(0, Math.floor((end - start) / 3) * 3)));
 }
 
-/** Returns the values of an attribute without gaps, of the type of its array. */
+/** Returns the values of an attribute without gaps, in the type of its array. */
 function plain(attribute) {
   if (!attribute.isInterleavedBufferAttribute) return attribute.array;
   const { count, itemSize, offset, data } = attribute;
@@ -80,7 +80,7 @@ function valuesOf(attribute, size, filled) {
   return resized(values, attribute.itemSize, size, filled);
 }
 
-/** Returns whole numbers as they are, which are not blended, and all others as floats. */
+/** Returns integers unchanged, which are not interpolated, and other values as floats. */
 function labelsOrValues(name, attribute) {
   const values = plain(attribute);
   const isLabel = isWhole(values, attribute.normalized) && !(name in NAMED);
@@ -89,7 +89,7 @@ function labelsOrValues(name, attribute) {
   return { array: resized(array, attribute.itemSize, size, 0), itemSize: size };
 }
 
-/** Returns an attribute of the kind of another. */
+/** Returns an attribute with the type of another attribute. */
 function attributeLike(attribute, values, size) {
   const rows = resized(values, size, attribute.itemSize, 0);
   const like = attribute.isInterleavedBufferAttribute ? attribute.data.array : attribute.array;
@@ -98,7 +98,7 @@ function attributeLike(attribute, values, size) {
   return made;
 }
 
-/** Returns the number of the group of each triangle; those of no group have one of their own. */
+/** Returns the group number of each triangle; triangles without a group share an additional number. */
 function regionsOf(groups, faces) {
   const regions = new Uint32Array(faces).fill(groups.length);
   groups.forEach(({ start, count }, i) => {
@@ -107,7 +107,7 @@ function regionsOf(groups, faces) {
   return regions;
 }
 
-/** Returns the triangles of a result group by group, and the groups. Triangles of no group come last. */
+/** Returns the triangles of a result group by group, and the groups. Triangles without a group come last. */
 function grouped({ indices, regions }, groups) {
   if (!regions) return { order: indices, groups: [] };
   const order = new Uint32Array(indices.length);

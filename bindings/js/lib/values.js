@@ -1,6 +1,6 @@
-// Values of typed arrays as floats and back.
+// Conversion of the values of typed arrays to floats and back.
 
-/** The largest number of an integer type, by which normalised values are divided; undefined for floats. */
+/** Returns the largest number of an integer type, the divisor of normalised values; undefined for floats. */
 function largest(array) {
   if (array instanceof Float32Array || array instanceof Float64Array) return undefined;
   const bits = 8 * array.BYTES_PER_ELEMENT;
@@ -8,30 +8,30 @@ function largest(array) {
   return 2 ** (isSigned ? bits - 1 : bits) - 1;
 }
 
-/** Returns true if the values of an array are whole numbers by themselves, and not fractions. */
+/** Returns true if the values of an array are integers, not normalised fractions. */
 export function isWhole(array, isNormalized) {
   return largest(array) !== undefined && !isNormalized;
 }
 
-/** Returns the values as floats; those of normalised integers are from -1 or 0 to 1. */
+/** Returns the values as floats; normalised integers become numbers from -1 or 0 to 1. */
 export function floats(array, isNormalized) {
   const max = isNormalized ? largest(array) : undefined;
   if (max === undefined) return array instanceof Float32Array ? array : Float32Array.from(array);
   return Float32Array.from(array, (x) => Math.max(x / max, -1));
 }
 
-/** Returns floats as values of the type of another array. */
+/** Converts floats to values of the type of another array. */
 export function asTypeOf(values, like, isNormalized) {
   if (values.constructor === like.constructor) return values;
   const max = largest(like);
   if (max === undefined) return like.constructor.from(values);
   const min = like instanceof Int8Array || like instanceof Int16Array || like instanceof Int32Array ? -max : 0;
   const factor = isNormalized ? max : 1;
-  // (The smallest integer of a type without a fraction is one less, and is no position of a quantised mesh.)
+  // (The smallest integer of a signed type, -max - 1, is not used: as a fraction it would be below -1.)
   return like.constructor.from(values, (x) => Math.min(Math.max(Math.round(x * factor), min), max));
 }
 
-/** Returns rows of another size: values are left out, or `fill` is added. */
+/** Returns rows of another size: values are dropped, or `fill` is added. */
 export function resized(values, from, to, fill) {
   if (from === to) return values;
   const count = values.length / from;
@@ -43,8 +43,8 @@ export function resized(values, from, to, fill) {
 }
 
 /**
- * Returns the vertices that some triangles of a mesh use, in the order of their first use, and the triangles in the
- * numbers of these.
+ * Returns the vertices that some triangles of a mesh use, in the order of their first use, and the triangles with
+ * indices into these vertices.
  */
 export function used(indices, regions, region) {
   const number = new Map();

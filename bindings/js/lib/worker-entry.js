@@ -1,11 +1,11 @@
-// The program of a worker: it is told a call, tells its progress, and tells the result.
+// The program of a worker: it receives a call, and posts its progress and its result.
 const isBrowser = typeof WorkerGlobalScope === 'function';
 const port = isBrowser
   ? null
   : (await import(/* webpackIgnore: true */ /* @vite-ignore */ 'node:worker_threads')).parentPort;
 const post = isBrowser ? (message, list) => postMessage(message, list) : (message, list) => port.postMessage(message, list);
 
-/** Returns the buffers of all arrays of a value, which are given away with it. */
+/** Returns the buffers of all arrays in a value, to be transferred with it. */
 function buffers(value, all = new Set()) {
   if (ArrayBuffer.isView(value)) all.add(value.buffer);
   else if (value !== null && typeof value === 'object') Object.values(value).forEach((x) => buffers(x, all));
@@ -14,7 +14,7 @@ function buffers(value, all = new Set()) {
 
 async function answer({ name, args, options, progress }) {
   try {
-    const told = progress ? { onProgress: (done, stage) => post({ progress: [done, stage] }) } : {};
+    const callback = progress ? { onProgress: (done, stage) => post({ progress: [done, stage] }) } : {};
     let call;
     if (name === 'simplifyGlb') {
       call = (await import('./glb.js')).simplifyGlb;
@@ -23,7 +23,7 @@ async function answer({ name, args, options, progress }) {
       await core.ready;
       call = core[name];
     }
-    const result = await call(...args, { ...options, ...told });
+    const result = await call(...args, { ...options, ...callback });
     post({ done: true, result }, [...buffers(result)]);
   } catch (error) {
     const { name: word, message } = error;

@@ -7,13 +7,13 @@ import type { Report } from './report.js';
 export interface WorkerControl {
   /** Called with the progress of each stage from 0 to 1. */
   onProgress?: (done: number, stage: string) => void;
-  /** Ends the worker if it is aborted; the next run starts another. */
+  /** Aborting it ends the worker; the next run starts a new one. */
   signal?: AbortSignal;
 }
 
 type WorkerOptions = Omit<SimplifyOptions, 'onProgress'>;
 
-/** A worker of the browser or of Node, started at the first run. Runs follow each other. */
+/** A worker of the browser or of Node, started at the first run. Runs are queued. */
 export interface LodsmithWorker {
   simplifyMesh(mesh: Mesh, options: WorkerOptions, control?: WorkerControl): Promise<SimplifiedMesh & { report: Report }>;
   simplifyScene(
@@ -22,7 +22,7 @@ export interface LodsmithWorker {
     control?: WorkerControl,
   ): Promise<{ meshes: SimplifiedMesh[]; counts: MeshCounts[]; report: Report }>;
   simplifyGlb(bytes: Uint8Array | ArrayBuffer, options: EngineOptions, control?: WorkerControl): Promise<SimplifiedGlb>;
-  /** Ends it for good. */
+  /** Ends the worker; later runs fail. */
   terminate(): void;
 }
 

@@ -1,6 +1,6 @@
 // Runs in a worker. The documentation is in worker.d.ts.
 
-/** Starts a worker of the browser, or of Node. The functions are called with each message, and if it fails. */
+/** Starts a worker of the browser or of Node. The functions are called with each message, and with an error. */
 async function start(onMessage, onError) {
   if (typeof Worker === 'function') {
     const worker = new Worker(new URL('./worker-entry.js', import.meta.url), { type: 'module' });
@@ -27,14 +27,14 @@ export function createWorker() {
   let worker = null;
   let isEnded = false;
   let queue = Promise.resolve();
-  // The run under way.
+  // The current run.
   let current = null;
 
   const end = () => {
     worker?.then((w) => w.end(), () => {});
     worker = null;
   };
-  /** Ends the run under way with a result or an error. */
+  /** Ends the current run with a result or an error. */
   const settle = (how, value) => {
     const run = current;
     current = null;
@@ -51,7 +51,7 @@ export function createWorker() {
     else settle('reject', revived(message.error));
   };
 
-  /** Starts a worker whose messages count until it is replaced by another. */
+  /** Starts a worker whose messages are handled until another worker replaces it. */
   const started = () => {
     const own = start(
       (message) => worker === own && onMessage(message),
@@ -79,7 +79,7 @@ export function createWorker() {
     }
   };
 
-  /** Runs follow each other. */
+  /** Queues a run. */
   const queued = (...args) => {
     const result = queue.then(() => run(...args));
     queue = result.catch(() => {});
@@ -97,7 +97,7 @@ export function createWorker() {
   };
 }
 
-/** Returns an error of the worker as one of the same kind. */
+/** Returns an error of the worker as an error of the same class. */
 function revived({ kind, name, message }) {
   const error = new ({ TypeError, RangeError }[kind] ?? Error)(message);
   if (name !== kind) error.name = name;

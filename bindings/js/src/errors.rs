@@ -1,4 +1,4 @@
-//! Errors as those of JavaScript.
+//! Errors as JavaScript errors.
 
 use js_sys::{Error, RangeError, TypeError};
 #[cfg(not(feature = "formats"))]
@@ -7,12 +7,12 @@ use lodsmith::SimplifyError;
 use lodsmith::options::by_name::{OPTIONS, OptionError};
 use wasm_bindgen::JsValue;
 
-/// Returns a `TypeError`: a value of the wrong kind.
+/// Returns a `TypeError`, for a value of the wrong type.
 pub(crate) fn wrong_type(text: &str) -> JsValue {
     TypeError::new(text).into()
 }
 
-/// Returns a `RangeError`: a value of the right kind that cannot be used.
+/// Returns a `RangeError`, for an invalid value of the right type.
 pub(crate) fn wrong_value(text: &str) -> JsValue {
     RangeError::new(text).into()
 }
@@ -30,17 +30,17 @@ pub(crate) fn option_error(error: &OptionError) -> JsValue {
     }
 }
 
-/// Replaces names of options by those of JavaScript.
+/// Replaces names of options with their names in JavaScript.
 #[cfg(not(feature = "formats"))]
 fn in_camel_case(mut text: String) -> String {
     for option in OPTIONS.iter().filter(|o| o.name.contains('-')) {
-        // `lindstrom-turk` and its like stay: they are values.
+        // Values such as `lindstrom-turk` are not changed.
         text = text.replace(option.name, &camel_case(option.name));
     }
     text
 }
 
-/// Returns the error for a run that failed; names of options are those of JavaScript.
+/// Returns the error for a run that failed, with the names of options in JavaScript.
 #[cfg(not(feature = "formats"))]
 pub(crate) fn run_error(error: &SimplifyError) -> JsValue {
     if matches!(error, SimplifyError::Cancelled) {

@@ -15,13 +15,13 @@ use crate::options::{entries, json_of, vertices_of};
 use crate::progress::Progress;
 use crate::report::{report, set};
 
-/// Memory of a module in bytes: its addresses have 32 bits. A quarter is left for the run.
+/// Memory limit of a job in bytes: three quarters of the 32-bit address space of the module.
 const MEMORY: u64 = 3 << 30;
 
-/// Simplifies all meshes of a GLB file, or of a glTF file whose buffers and images are in it, under one budget.
+/// Simplifies all meshes of a GLB file, or of a glTF file with embedded buffers and images, with one target for all.
 ///
 /// # Errors
-/// A file that cannot be read, options that are wrong, a run that failed or was cancelled.
+/// If the file cannot be read, options are wrong, or the run failed or was cancelled.
 #[wasm_bindgen(js_name = simplifyGlb)]
 pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>) -> Result<Object, JsValue> {
     if !options.is_object() {
@@ -42,7 +42,7 @@ pub fn simplify_glb(bytes: &[u8], options: &JsValue, progress: Option<Function>)
     let all = Object::new();
     set(&all, "bytes", &Uint8Array::from(&watch.output[..]));
     set(&all, "report", &report(answer.report));
-    // (Without the name of the file, which is a stream.)
+    // (Without the name of the input, which is a stream.)
     let text = |text: &String| JsValue::from(text.strip_prefix("-: ").unwrap_or(text));
     set(&all, "warnings", &answer.warnings.iter().map(text).collect::<Array>());
     Ok(all)

@@ -55,7 +55,7 @@ impl IndexArrays {
     /// Returns the number of vertices.
     ///
     /// # Errors
-    /// Arrays whose lengths do not go together.
+    /// If the lengths of arrays do not agree.
     fn vertex_count(&self) -> Result<usize, JsValue> {
         if self.position_stride < 3 {
             let text = format!("vertex_positions_stride: {} is less than 3", self.position_stride);
@@ -92,10 +92,10 @@ impl IndexArrays {
     }
 }
 
-/// Returns the indices that are left, and the error.
+/// Returns the remaining indices and the error.
 ///
 /// # Errors
-/// Arrays whose lengths or indices are wrong.
+/// If the lengths of arrays or indices are wrong.
 #[wasm_bindgen(js_name = simplifyIndices)]
 pub fn simplify_indices(given: &JsValue) -> Result<Array, JsValue> {
     let IndexResult { indices, error } = IndexArrays::of(given)?.run(simplify)?;
@@ -103,10 +103,10 @@ pub fn simplify_indices(given: &JsValue) -> Result<Array, JsValue> {
     Ok(all.iter().collect())
 }
 
-/// Returns the indices that are left, the error, and all positions and attributes, of which some have moved.
+/// Returns the remaining indices, the error, and all positions and attributes, some of which have changed.
 ///
 /// # Errors
-/// Arrays whose lengths or indices are wrong.
+/// If the lengths of arrays or indices are wrong.
 #[wasm_bindgen(js_name = updateIndices)]
 pub fn update_indices(given: &JsValue) -> Result<Array, JsValue> {
     let mut arrays = IndexArrays::of(given)?;

@@ -1,11 +1,11 @@
-//! The WebAssembly modules of the JavaScript package: the engine on typed arrays, and with the feature `formats` on whole
-//! files. The package around them, in JavaScript, has the functions for users, with their documentation.
+//! The WebAssembly modules of the JavaScript package: the engine for typed arrays, and with the feature `formats` for
+//! whole files. The JavaScript package around them has the functions for users, with their documentation.
 //!
 //! ```text
-//! errors        errors as those of JavaScript
-//! options       objects of JavaScript as options, and the table of options
+//! errors        errors as JavaScript errors
+//! options       JavaScript objects as options, and the table of options
 //! report        reports as objects, with the keys of the command
-//! progress      progress for a function of JavaScript
+//! progress      progress for a JavaScript function
 //! mesh          typed arrays as meshes and back
 //! run           simplification of meshes and scenes
 //! index_calls   the functions with the arguments of meshoptimizer

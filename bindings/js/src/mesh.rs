@@ -13,7 +13,7 @@ use crate::errors::{wrong_type, wrong_value};
 use crate::options::{entries, property};
 use crate::report::{object, set};
 
-/// The largest whole number that single precision holds exactly, as all below it.
+/// The largest whole number up to which single precision represents all exactly.
 const MAX_EXACT: f64 = 16_777_216.0;
 
 /// Returns the error for buffers that are not a mesh.
@@ -21,14 +21,14 @@ pub(crate) fn mesh_error(error: &MeshError) -> JsValue {
     wrong_value(&error.to_string())
 }
 
-/// A mesh of the caller, and what its arrays looked like.
+/// A mesh of the caller, and the types of its arrays.
 pub(crate) struct GivenMesh {
     pub(crate) mesh: TriMesh,
-    /// Values for each colour: 3 or 4.
+    /// Number of values for each colour: 3 or 4.
     color_size: usize,
 }
 
-/// Values of an attribute, and the type of its array if that is one of integers.
+/// Values of an attribute, and the integer type of its array, if any.
 struct Values {
     values: Vec<f32>,
     integer: Option<IntegerType>,
@@ -142,7 +142,7 @@ fn positions(given: &JsValue) -> Result<Positions, JsValue> {
     Err(wrong_type("positions: a Float32Array or a Float64Array is expected"))
 }
 
-/// Returns the triangles of an object; without indices three vertices in order form each.
+/// Returns the triangles of an object; without indices, three consecutive vertices form each.
 fn triangles(given: &JsValue, count: usize) -> Result<Vec<[VertexId; 3]>, JsValue> {
     let indices = match property(given, "indices") {
         Some(value) => indices_of(&value)?,
@@ -150,12 +150,12 @@ fn triangles(given: &JsValue, count: usize) -> Result<Vec<[VertexId; 3]>, JsValu
     };
     let (triangles, rest) = indices.as_chunks::<3>();
     if !rest.is_empty() {
-        return Err(wrong_value(&format!("indices: {} are no multiple of three", indices.len())));
+        return Err(wrong_value(&format!("indices: {} are not a multiple of three", indices.len())));
     }
     Ok(triangles.iter().map(|t| t.map(VertexId)).collect())
 }
 
-/// Returns the numbers of an array of indices. Negative ones become large ones, which no vertex has.
+/// Returns the values of an array of indices. Negative indices become large ones, which are out of range.
 pub(crate) fn indices_of(value: &JsValue) -> Result<Vec<u32>, JsValue> {
     if let Some(array) = value.dyn_ref::<Uint32Array>() {
         return Ok(array.to_vec());
@@ -185,7 +185,7 @@ fn rows<T: Copy, const N: usize>(name: &str, values: &[T], count: usize) -> Resu
     Ok(rows.to_vec())
 }
 
-/// Returns an attribute from an array, or from an object with an array and its number of values for each vertex.
+/// Returns an attribute from an array, or from an object with an array and the number of values for each vertex.
 fn attribute(name: &str, value: &JsValue, count: usize) -> Result<Attribute, JsValue> {
     let (array, size) = match property(value, "array") {
         Some(array) => (array, property(value, "itemSize").and_then(|x| x.as_f64())),
@@ -225,7 +225,7 @@ fn values_of(name: &str, array: &JsValue) -> Result<Values, JsValue> {
         return Err(wrong_type(&format!("{name}: a Float32Array or an array of integers is expected")));
     };
     if whole.iter().any(|x| x.abs() > MAX_EXACT) {
-        let text = format!("{name}: integers beyond {MAX_EXACT} cannot be carried exactly");
+        let text = format!("{name}: integers above {MAX_EXACT} cannot be stored exactly");
         return Err(wrong_value(&text));
     }
     Ok(Values { values: whole.into_iter().map(|x| x as f32).collect(), integer: Some(of) })
@@ -233,7 +233,7 @@ fn values_of(name: &str, array: &JsValue) -> Result<Values, JsValue> {
 
 /// Returns values as a typed array.
 fn array_of(values: &[f32], integer: Option<IntegerType>) -> JsValue {
-    // (A cast from a float saturates, and all are whole numbers of their type.)
+    // (Casts from floats saturate, and all values are whole numbers of the type.)
     match integer {
         None => Float32Array::from(values).into(),
         Some(IntegerType::U8) => {

@@ -1,4 +1,4 @@
-//! Objects of JavaScript as options of the engine.
+//! JavaScript objects as options of the engine.
 
 use js_sys::{Array, Float32Array, Object, Uint8Array};
 use lodsmith::OwnedMeshData;
@@ -21,7 +21,7 @@ use crate::report::object;
 /// A property of an object: its name and its value.
 pub(crate) type Property = (String, JsValue);
 
-/// A value of an option, owned.
+/// An owned value of an option.
 enum Given {
     Flag(bool),
     Whole(u64),
@@ -30,7 +30,7 @@ enum Given {
     Weights(Vec<(String, f64)>),
 }
 
-/// The largest whole number up to which every one is a double.
+/// The largest whole number up to which doubles represent all exactly.
 const MAX_WHOLE: f64 = 9_007_199_254_740_991.0;
 
 impl Given {
@@ -45,7 +45,7 @@ impl Given {
             let is_whole = x.fract() == 0.0 && (0.0..=MAX_WHOLE).contains(&x);
             return Ok(if is_whole { Self::Whole(x as u64) } else { Self::Number(x) });
         }
-        let wrong = || wrong_type(&format!("{name}: a value of this kind is not taken"));
+        let wrong = || wrong_type(&format!("{name}: the value has a wrong type"));
         if !any.is_object() || any.is_function() || Array::is_array(any) {
             return Err(wrong());
         }
@@ -70,7 +70,7 @@ impl Given {
     }
 }
 
-/// Returns the properties of an object, without those that are `undefined` or `null`.
+/// Returns the properties of an object that are neither `undefined` nor `null`.
 pub(crate) fn entries(of: &JsValue) -> Vec<Property> {
     let Some(object) = of.dyn_ref::<Object>() else { return Vec::new() };
     let pair = |pair: JsValue| {
@@ -88,10 +88,10 @@ pub(crate) fn property(of: &JsValue, name: &str) -> Option<JsValue> {
     (!value.is_undefined() && !value.is_null()).then_some(value)
 }
 
-/// Takes the data of vertices out of the properties of an object; of the vertices of all meshes together.
+/// Separates the data of vertices, of all meshes together, from the other properties of an object.
 ///
 /// # Errors
-/// A list of another type.
+/// If a list has the wrong type.
 pub(crate) fn vertices_of(all: Vec<Property>) -> Result<(Option<OwnedMeshData>, Vec<Property>), JsValue> {
     let mut data = OwnedMeshData::default();
     let mut others = Vec::new();
@@ -102,7 +102,7 @@ pub(crate) fn vertices_of(all: Vec<Property>) -> Result<(Option<OwnedMeshData>, 
                 let flags = flags.ok_or_else(|| wrong_type("locked: a Uint8Array is expected"))?;
                 data.locked = Some(flags.iter().map(|x| *x != 0).collect());
             }
-            // (The name of an attribute is a text.)
+            // (A text is the name of an attribute.)
             ("importance", false) => {
                 let factors = value.dyn_ref::<Float32Array>().map(Float32Array::to_vec);
                 data.importance =

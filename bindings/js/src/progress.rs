@@ -1,10 +1,10 @@
-//! Progress for a function of JavaScript.
+//! Progress for a JavaScript function.
 
 use js_sys::Function;
 use lodsmith::{Control, Stage, Verdict};
 use wasm_bindgen::JsValue;
 
-/// The least progress that is told.
+/// The smallest progress that is reported.
 const STEP: f64 = 0.01;
 
 /// A control that calls a function with the progress of each stage, from 0 to 1, and the name of the stage. The run is

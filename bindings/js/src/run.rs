@@ -14,7 +14,7 @@ use crate::report::{object, report, set};
 /// Simplifies a mesh.
 ///
 /// # Errors
-/// Arrays that are not a mesh, options that are wrong, a run that failed or was cancelled.
+/// If the arrays are not a mesh, options are wrong, or the run failed or was cancelled.
 #[wasm_bindgen(js_name = simplifyMesh)]
 pub fn simplify_mesh(
     mesh: &JsValue,
@@ -30,8 +30,8 @@ pub fn simplify_mesh(
     Ok(arrays)
 }
 
-/// Simplifies meshes under one budget. Each has, besides its arrays, `instances`, `scale` and `system`; `diagonal` is that
-/// of the scene.
+/// Simplifies meshes with one target for all. In addition to its arrays, each has `instances`, `scale` and `system`;
+/// `diagonal` is the diagonal of the scene.
 ///
 /// # Errors
 /// Those of [`simplify_mesh`].
@@ -43,20 +43,20 @@ pub fn simplify_meshes(
     progress: Option<Function>,
 ) -> Result<Object, JsValue> {
     let (options, data) = options_of(options)?;
-    let said: Vec<JsValue> = list_of(meshes)?.iter().collect();
-    let given: Result<Vec<GivenMesh>, JsValue> = said.iter().map(GivenMesh::of).collect();
+    let objects: Vec<JsValue> = list_of(meshes)?.iter().collect();
+    let given: Result<Vec<GivenMesh>, JsValue> = objects.iter().map(GivenMesh::of).collect();
     let given = given?;
     let counts: Vec<usize> = given.iter().map(|own| own.mesh.vertex_count()).collect();
     let data = data.split(&counts).map_err(|e| run_error(&e))?;
     let number = |of: &JsValue, name: &str| property(of, name).and_then(|x| x.as_f64());
-    let parts: Vec<Part<'_>> = said
+    let parts: Vec<Part<'_>> = objects
         .iter()
         .zip(&given)
         .zip(&data)
-        .map(|((said, given), data)| Part {
-            instances: number(said, "instances").map_or(1, |x| x as usize),
-            scale: number(said, "scale").unwrap_or(1.0),
-            system: number(said, "system").map(|x| x as usize),
+        .map(|((object, given), data)| Part {
+            instances: number(object, "instances").map_or(1, |x| x as usize),
+            scale: number(object, "scale").unwrap_or(1.0),
+            system: number(object, "system").map(|x| x as usize),
             data: data.view(),
             ..Part::new(&given.mesh)
         })

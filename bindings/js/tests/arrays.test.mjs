@@ -28,7 +28,7 @@ test('a mesh keeps its attributes, in their types', () => {
   assert.deepEqual(new Set(small.attributes.label.array), new Set([7, -7]));
 });
 
-test('positions of double precision stay so, and indices of any integer type are taken', () => {
+test('positions keep double precision, and indices may have any integer type', () => {
   const { positions, indices } = bumpyBall(16);
   const plain = simplifyMesh({ positions, indices }, { faces: 100 });
   for (const type of [Uint16Array, Int32Array, Int16Array]) {
@@ -61,8 +61,8 @@ test('locked vertices stay', () => {
 
 test('wrong options and arrays are named', () => {
   const ball = bumpyBall(8);
-  const fails = (given, wanted, kind, text) =>
-    assert.throws(() => simplifyMesh(given, wanted), (e) => e.constructor === kind && text.test(e.message) || assert.fail(`${e}`));
+  const fails = (given, options, kind, text) =>
+    assert.throws(() => simplifyMesh(given, options), (e) => e.constructor === kind && text.test(e.message) || assert.fail(`${e}`));
   fails(ball, { rato: 0.1 }, TypeError, /^there is no option rato; a similar one is ratio$/);
   fails(ball, { ratio: 0.1, maxNorml: 3 }, TypeError, /a similar one is maxNormal$/);
   fails(ball, { ratio: 2 }, RangeError, /^ratio: /);
@@ -75,16 +75,16 @@ test('wrong options and arrays are named', () => {
   fails({ positions: ball.positions, indices: Int32Array.of(0, 1, -1) }, { ratio: 0.5 }, RangeError, /vertex/);
   fails({ ...ball, attributes: { id: Uint32Array.of(...new Array(81).fill(2 ** 25)) } }, { ratio: 0.5 }, RangeError, /^id: /);
   fails(ball, { ratio: 0.5, locked: new Uint8Array(3) }, RangeError, /locked|vert/);
-  // None of these spoils the module.
+  // The module still works after these errors.
   assert.equal(simplifyMesh(ball, { faces: 50 }).indices.length, 150);
 });
 
-test('progress is told and a run can be cancelled', () => {
+test('progress is reported and a run can be cancelled', () => {
   const ball = bumpyBall(60);
-  const told = [];
-  simplifyMesh(ball, { ratio: 0.1, onProgress: (done, stage) => void told.push([stage, done]) });
-  assert.ok(told.some(([stage]) => stage === 'simplify'));
-  assert.ok(told.every(([, done]) => done >= 0 && done <= 1));
+  const calls = [];
+  simplifyMesh(ball, { ratio: 0.1, onProgress: (done, stage) => void calls.push([stage, done]) });
+  assert.ok(calls.some(([stage]) => stage === 'simplify'));
+  assert.ok(calls.every(([, done]) => done >= 0 && done <= 1));
   assert.throws(() => simplifyMesh(ball, { ratio: 0.1, onProgress: () => false }), { name: 'AbortError' });
 });
 
@@ -95,7 +95,7 @@ test('the table of options has the defaults and the words', () => {
   assert.equal(all.get('border').default, 'keep');
 });
 
-test('a scene has one budget', () => {
+test('a scene has one target', () => {
   const [a, b] = [bumpyBall(40), bumpyBall(20)];
   const done = simplifyScene({ meshes: [{ ...a, scale: 10 }, { ...b, instances: 3 }], diagonal: 20 }, { ratio: 0.25 });
   const faces = done.meshes.map((mesh) => mesh.indices.length / 3);
@@ -105,8 +105,8 @@ test('a scene has one budget', () => {
   assert.ok(faces[0] + 3 * faces[1] <= all / 4);
 });
 
-test('arrays are those of the command, to the bit', { skip: !command && 'LODSMITH names no command' }, () => {
-  // (Large enough for the samples that methods take.)
+test('arrays agree with the command, bit for bit', { skip: !command && 'LODSMITH is not set' }, () => {
+  // (Large enough for methods that sample.)
   const ball = bumpyBall(96);
   const file = ply(ball);
   for (const [given, typed] of [

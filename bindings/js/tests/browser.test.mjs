@@ -46,7 +46,7 @@ test('the package works in a browser', { skip, timeout: 120_000 }, async () => {
     assert.deepEqual(done.attributes, ['normal', 'position', 'uv']);
     assert.ok(done.faces > 290 && done.faces <= 312, `${done.faces}`);
     assert.ok(done.pixels > 1000, `the simplified ball is seen in ${done.pixels} pixels`);
-    assert.ok(done.isSameInWorker && done.told > 0);
+    assert.ok(done.isSameInWorker && done.progressCalls > 0);
     assert.equal(done.cancelled, 'AbortError');
     assert.equal(done.notGlb, 'RangeError');
   } finally {

@@ -1,14 +1,14 @@
-// The command, if there is one: LODSMITH names it.
+// The command, if LODSMITH is set to its path.
 import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 
 export const command = process.env.LODSMITH;
-/** The folder of the repository's own test data. */
+/** The folder of the test data of the repository. */
 export const testdata = process.env.LODSMITH_TESTDATA;
 
-/** Returns the file that `lodsmith simplify` writes for a file of these bytes. */
+/** Returns the output of `lodsmith simplify` for a file with these bytes. */
 export function simplifyFile(bytes, extension, args) {
   const folder = mkdtempSync(join(tmpdir(), 'lodsmith-'));
   try {

@@ -10,13 +10,13 @@ import { bumpyBall } from './shapes.mjs';
 const page = process.env.LODSMITH_DOCS;
 const here = fileURLToPath(new URL('.', import.meta.url));
 
-test('the examples of the page run', { skip: !(page && testdata) && 'LODSMITH_DOCS names no page' }, async () => {
+test('the examples of the page run', { skip: !(page && testdata) && 'LODSMITH_DOCS is not set' }, async () => {
   const blocks = [...(await readFile(page, 'utf8')).matchAll(/^```js\n([\s\S]*?)^```$/gm)].map((match) => match[1]);
   assert.ok(blocks.length >= 6, `${blocks.length} examples`);
   const ball = bumpyBall(24);
   const geometry = new BufferGeometry().setIndex(new BufferAttribute(ball.indices, 1));
   geometry.setAttribute('position', new BufferAttribute(ball.positions, 3));
-  // What the examples suppose to be there.
+  // Variables that the examples use.
   Object.assign(globalThis, ball, { geometry });
   const log = console.log;
   const folder = await mkdtemp(join(here, 'docs-'));

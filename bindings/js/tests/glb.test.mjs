@@ -5,8 +5,8 @@ import { test } from 'node:test';
 import { simplifyGlb } from 'lodsmith/glb';
 import { command, simplifyFile, testdata } from './command.mjs';
 
-const skip = (!testdata && 'LODSMITH_TESTDATA names no folder') || (!command && 'LODSMITH names no command');
-/** Further models to compare, if a folder of them is there. */
+const skip = (!testdata && 'LODSMITH_TESTDATA is not set') || (!command && 'LODSMITH is not set');
+/** Folder of additional models to compare, if set. */
 const models = process.env.LODSMITH_MODELS;
 
 async function files() {
@@ -18,7 +18,7 @@ async function files() {
   return all;
 }
 
-test('files have the bytes of the command', { skip }, async () => {
+test('files have the same bytes as from the command', { skip }, async () => {
   for (const path of await files()) {
     const bytes = await readFile(path);
     for (const [given, typed] of [
@@ -28,20 +28,20 @@ test('files have the bytes of the command', { skip }, async () => {
       [{ ratio: 0.2, method: 'cluster' }, ['--ratio', '0.2', '--method', 'cluster']],
       [{ ratio: 0.3, compress: 'meshopt', quantize: true }, ['--ratio', '0.3', '--compress', 'meshopt', '--quantize']],
     ]) {
-      let wanted;
+      let expected;
       try {
-        wanted = simplifyFile(bytes, 'glb', typed);
+        expected = simplifyFile(bytes, 'glb', typed);
       } catch (error) {
         await assert.rejects(simplifyGlb(bytes, given), RangeError, `${path} ${typed}: ${error.stderr}`);
         continue;
       }
       const { bytes: made } = await simplifyGlb(bytes, given);
-      assert.ok(Buffer.from(made).equals(wanted), `${path} ${typed.join(' ')}`);
+      assert.ok(Buffer.from(made).equals(expected), `${path} ${typed.join(' ')}`);
     }
   }
 });
 
-test('what is no GLB file is an error', async () => {
+test('other files than GLB are an error', async () => {
   await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5 }), RangeError);
   await assert.rejects(simplifyGlb(new TextEncoder().encode('solid x'), { ratio: 0.5 }), RangeError);
   await assert.rejects(simplifyGlb(new Uint8Array(0), { rato: 0.5 }), TypeError);
@@ -49,7 +49,7 @@ test('what is no GLB file is an error', async () => {
   await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, quantize: 8 }), RangeError);
 });
 
-test('a truncated file is an error, and the module works on', { skip: !testdata && skip }, async () => {
+test('a truncated file is an error, and the module still works', { skip: !testdata && skip }, async () => {
   const bytes = new Uint8Array(await readFile(join(testdata, 'wave.glb')));
   await assert.rejects(simplifyGlb(bytes.subarray(0, bytes.length / 2), { ratio: 0.5 }), RangeError);
   const { report, warnings } = await simplifyGlb(bytes.buffer, { ratio: 0.5 });

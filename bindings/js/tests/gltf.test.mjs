@@ -11,7 +11,7 @@ import { testdata } from './command.mjs';
 import { bumpyBall, openEdges } from './shapes.mjs';
 
 const io = new NodeIO().registerExtensions(ALL_EXTENSIONS);
-const skip = !testdata && 'LODSMITH_TESTDATA names no folder';
+const skip = !testdata && 'LODSMITH_TESTDATA is not set';
 const read = async (name) => io.readBinary(new Uint8Array(await readFile(join(testdata, name))));
 
 before(() => LodsmithSimplifier.ready);
@@ -21,7 +21,7 @@ function faces(document) {
   return document.getRoot().listMeshes().flatMap((m) => m.listPrimitives()).reduce((n, p) => n + count(p), 0);
 }
 
-/** A document with the ball as one mesh of two primitives, and a smaller one twice. */
+/** A document with the sphere as a mesh of two primitives, and two instances of a smaller one. */
 function ballDocument() {
   const document = new Document();
   const buffer = document.createBuffer();
@@ -61,7 +61,7 @@ function ballDocument() {
 test('simplify of glTF Transform takes the simplifier', { skip }, async () => {
   for (const name of ['wave.glb', 'arm.glb', 'wave_meshopt_khr.glb']) {
     const document = await read(name).catch(() => null);
-    if (document === null) continue; // (Its decoder is another package.)
+    if (document === null) continue; // (Its decoder is in another package.)
     const before = faces(document);
     await document.transform(weld(), simplify({ simplifier: LodsmithSimplifier, ratio: 0.5, error: 1 }));
     const left = faces(document);
@@ -80,7 +80,7 @@ test('simplify of glTF Transform stops by error', async () => {
   assert.ok(coarse < fine && fine < faces(ballDocument()), `${coarse} ${fine}`);
 });
 
-test('the transform has one budget, and keeps attributes in their types', async () => {
+test('the transform has one target for all meshes, and keeps the types of attributes', async () => {
   const document = ballDocument();
   const instances = (d) => {
     const [a, b] = d.getRoot().listMeshes().map((m) => m.listPrimitives().reduce((n, p) => n + p.getIndices().getCount() / 3, 0));
@@ -107,7 +107,7 @@ test('the transform has one budget, and keeps attributes in their types', async 
     const base = all.positions.length / 3;
     all.positions.push(...get('POSITION').getArray());
     all.indices.push(...Array.from(primitive.getIndices().getArray(), (i) => base + i));
-    // Texture coordinates are still those of their places.
+    // Texture coordinates still agree with the positions.
     const [p, uv] = [get('POSITION').getElement(0, []), get('TEXCOORD_0').getElement(0, [])];
     assert.ok(Math.abs(Math.acos(p[1] / Math.hypot(...p)) / Math.PI - uv[1]) < 0.05);
   }

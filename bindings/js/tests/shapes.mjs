@@ -1,6 +1,6 @@
 // Meshes of the tests.
 
-/** A ball of bumps with a seam in its texture coordinates: (n + 1)² vertices, 2 n² triangles. */
+/** A bumpy sphere with a seam in its texture coordinates: (n + 1)² vertices, 2 n² triangles. */
 export function bumpyBall(n) {
   const count = (n + 1) * (n + 1);
   const positions = new Float32Array(3 * count);
@@ -10,7 +10,7 @@ export function bumpyBall(n) {
   for (let j = 0; j <= n; j++) {
     for (let i = 0; i <= n; i++, at++) {
       const [u, v] = [i / n, j / n];
-      // The two sides of the seam are at the same places.
+      // The two sides of the seam have the same positions.
       const [a, b] = [2 * Math.PI * (i % n) / n, Math.PI * v];
       const r = 1 + 0.1 * Math.sin(5 * a) * Math.sin(4 * b) ** 2;
       const s = j === 0 || j === n ? 0 : Math.sin(b);
@@ -34,7 +34,7 @@ export function bumpyBall(n) {
   return { positions, normals, uvs, indices: Uint32Array.from(indices) };
 }
 
-/** A binary PLY file of positions and triangles. */
+/** Returns a binary PLY file of positions and triangles. */
 export function ply({ positions, indices }) {
   const header = Buffer.from(
     `ply\nformat binary_little_endian 1.0\nelement vertex ${positions.length / 3}\nproperty float x\nproperty float y\n` +
@@ -48,7 +48,7 @@ export function ply({ positions, indices }) {
   return Buffer.concat([header, Buffer.from(positions.buffer, positions.byteOffset, positions.byteLength), faces]);
 }
 
-/** The positions and triangles of a binary PLY file that begins with three floats for each vertex. */
+/** Returns the positions and triangles of a binary PLY file whose vertices start with three floats. */
 export function readPly(bytes) {
   const end = bytes.indexOf('end_header\n') + 'end_header\n'.length;
   const header = bytes.subarray(0, end).toString();
@@ -61,7 +61,7 @@ export function readPly(bytes) {
   return { positions, indices: Uint32Array.from({ length: 3 * faces }, (_, i) => corner(i)) };
 }
 
-/** The number of edges of one triangle only, with vertices at one place as one. */
+/** Returns the number of edges with one triangle, after merging vertices at equal positions. */
 export function openEdges({ positions, indices }) {
   const number = new Map();
   const place = (i) => {

@@ -46,7 +46,7 @@ test('a geometry keeps its attributes, groups and bounds', () => {
   assert.equal(triangles(geometry), 3120, 'the input is as before');
 });
 
-test('geometries without an index and interleaved ones are taken', () => {
+test('geometries without an index and interleaved geometries are supported', () => {
   const geometry = ballGeometry(24);
   const soup = simplifyGeometry(geometry.toNonIndexed(), { ratio: 0.25 });
   assert.ok(triangles(soup) <= 276 && soup.getAttribute('position').count < 3 * triangles(soup));

@@ -10,8 +10,8 @@ import { BufferGeometry } from 'three';
 
 await ready;
 const mesh = { positions: new Float32Array(9), indices: Uint32Array.of(0, 1, 2) };
-const wanted: SimplifyOptions = { ratio: '10%', method: 'cluster', weight: { normal: 2 }, escalate: false };
-const small = simplifyMesh(mesh, wanted);
+const typed: SimplifyOptions = { ratio: '10%', method: 'cluster', weight: { normal: 2 }, escalate: false };
+const small = simplifyMesh(mesh, typed);
 const faces: number = small.report.output.faces + small.indices.length;
 simplifyScene({ meshes: [{ ...mesh, instances: 2 }], diagonal: 1 }, { faces }).counts[0].reached;
 // @ts-expect-error There is no such option.

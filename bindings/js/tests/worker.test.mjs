@@ -12,16 +12,16 @@ const worker = createWorker();
 before(() => ready);
 after(() => worker.terminate());
 
-test('a worker has the same results, and tells its progress', async () => {
+test('a worker has the same results, and reports its progress', async () => {
   const ball = bumpyBall(30);
-  const told = [];
-  const small = await worker.simplifyMesh(ball, { ratio: 0.2 }, { onProgress: (...args) => void told.push(args) });
+  const calls = [];
+  const small = await worker.simplifyMesh(ball, { ratio: 0.2 }, { onProgress: (...args) => void calls.push(args) });
   assert.deepEqual(small, simplifyMesh(ball, { ratio: 0.2 }));
-  assert.ok(told.length > 0 && told.every(([done, stage]) => done >= 0 && done <= 1 && typeof stage === 'string'));
+  assert.ok(calls.length > 0 && calls.every(([done, stage]) => done >= 0 && done <= 1 && typeof stage === 'string'));
   assert.equal(ball.indices.length, 30 * 29 * 6, 'the input is as before');
 });
 
-test('whole files go through a worker', { skip: !testdata && 'LODSMITH_TESTDATA names no folder' }, async () => {
+test('whole files go through a worker', { skip: !testdata && 'LODSMITH_TESTDATA is not set' }, async () => {
   const bytes = new Uint8Array(await readFile(join(testdata, 'wave.glb')));
   const made = [await worker.simplifyGlb(bytes, { ratio: 0.3 }), await simplifyGlb(bytes, { ratio: 0.3 })];
   for (const { report } of made) {
@@ -37,7 +37,7 @@ test('errors are of the same kinds', async () => {
   await assert.rejects(worker.simplifyMesh(ball, { ratio: 7 }), RangeError);
 });
 
-test('a run is cancelled, and those after it are not', async () => {
+test('a run is cancelled, and later runs are not', async () => {
   const control = new AbortController();
   const ball = bumpyBall(300);
   const run = worker.simplifyMesh(ball, { ratio: 0.01 }, { signal: control.signal, onProgress: () => control.abort() });
