@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the page of the viewer into a folder (default: target/web): index.html and the files beside it, for any static
-# host and any path. `cargo xtask web` calls it. Ends with status 3 if there is no compiler for WebAssembly.
+# Builds the page of the viewer into a folder (default: target/web): index.html and its files, for any static host and
+# any path. `cargo xtask web` calls it. Exits with status 3 if there is no compiler for WebAssembly.
 #
 # usage: crates/web/build.sh [FOLDER]
 set -euo pipefail

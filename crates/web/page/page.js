@@ -1,17 +1,17 @@
-// The page around the viewer: the files that the user hands over, the workers, and downloads. Nothing is sent
-// anywhere: the only requests are for the files beside this one.
+// The page of the viewer: the files that the user opens, the workers, and downloads. Nothing is sent anywhere:
+// the only requests are for the other files of this page.
 import init, { start, zip } from './lodsmith.js';
 
 const status = document.getElementById('status');
 const canvas = document.getElementById('window');
 
 /**
- * Files by their path, as blobs, with the number of the time that they were handed over: a model has the files that
- * came with it. Their bytes are read when a worker needs them.
+ * Files by path: the blob, and the number of the drop or choice that it came with. A model can use the files of its own
+ * batch. A worker reads the bytes when it needs them.
  */
 const files = new Map();
-let times = 0;
-/** Paths that were handed over and not opened yet. */
+let batches = 0;
+/** Paths that the viewer has not opened yet. */
 let opened = [];
 let viewer = null;
 let compiled = null;
@@ -22,7 +22,7 @@ async function compile() {
   try {
     return await WebAssembly.compileStreaming(fetch(url));
   } catch {
-    // Some hosts send the file with another type.
+    // Some hosts send the file with another MIME type.
     return WebAssembly.compile(await (await fetch(url)).arrayBuffer());
   }
 }
@@ -34,7 +34,7 @@ function newWorker() {
   return worker;
 }
 
-/** Returns the files of an archive. */
+/** Returns the files of a ZIP archive. */
 function unpack(blob) {
   const worker = newWorker();
   return new Promise((resolve, reject) => {
@@ -44,10 +44,10 @@ function unpack(blob) {
   }).finally(() => worker.terminate());
 }
 
-/** Adds files, given as pairs of path and blob, and opens them. */
-async function handOver(pairs, isInMemory = () => false) {
+/** Adds files, given as pairs of path and blob, and opens them. The viewer gets the bytes of those `isInMemory`. */
+async function openFiles(pairs, isInMemory = () => false) {
   const all = [];
-  const time = ++times;
+  const batch = ++batches;
   for (const [path, blob] of pairs) {
     if (/\.zip$/i.test(path)) {
       const inner = await unpack(blob).catch((why) => {
@@ -59,7 +59,7 @@ async function handOver(pairs, isInMemory = () => false) {
   }
   for (const [path, blob] of all) {
     if (isInMemory(path)) viewer.putFile(path, new Uint8Array(await blob.arrayBuffer()));
-    else files.set(path, { blob, time });
+    else files.set(path, { blob, batch });
   }
   opened.push(...all.map(([path]) => path));
   viewer.wake();
@@ -83,20 +83,20 @@ const isSession = (path) => /\.json$/i.test(path);
 async function drop(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
   const pairs = entries.length > 0 ? (await Promise.all(entries.map(filesOf))).flat() : [...transfer.files].map((f) => [f.name, f]);
-  await handOver(pairs, isSession);
+  await openFiles(pairs, isSession);
 }
 
 /** Shows an error in the window. */
 const failed = (why) => viewer.fail(why.message ?? `${why}`);
 
-/** Shows an error of the page in place of the window. */
+/** Shows an error of the page instead of the window. */
 function fail(why) {
   status.hidden = false;
   status.style.display = '';
   status.textContent = `Lodsmith cannot run here: ${why.message ?? why}`;
 }
 
-/** What the viewer asks of the page. */
+/** The functions that the viewer calls. */
 const host = {
   startWorker(wake) {
     const worker = newWorker();
@@ -110,7 +110,7 @@ const host = {
     worker.onerror = (event) => push({ failed: event.message || 'the worker ran out of memory' });
     return {
       post(request) {
-        // Blobs are handles: the worker reads those of the model that it opens.
+        // Blobs are handles: the worker reads only the files of the model that it opens.
         const added = [...files].filter(([path, file]) => sent.get(path) !== file);
         for (const [path, file] of added) sent.set(path, file);
         worker.postMessage({ request, added });
@@ -125,11 +125,11 @@ const host = {
     input.multiple = areModels;
     const others = areModels ? ['zip', 'mtl', 'bin', 'png', 'jpg', 'jpeg', 'webp'] : [];
     input.accept = [...extensions, ...others].map((e) => `.${e}`).join(',');
-    input.onchange = () => handOver([...input.files].map((f) => [f.name, f]), () => !areModels).catch(failed);
+    input.onchange = () => openFiles([...input.files].map((f) => [f.name, f]), () => !areModels).catch(failed);
     input.click();
   },
   putFile(path, bytes) {
-    files.set(path, { blob: new Blob([bytes]), time: ++times });
+    files.set(path, { blob: new Blob([bytes]), batch: ++batches });
   },
   takeOpened() {
     const paths = opened;
@@ -149,8 +149,8 @@ const host = {
 };
 
 /**
- * Leaves the second way of reading images, meant for tests, out of the shader of the window's library: renderers
- * without a graphics card compute both branches, and take seven times as long for each pixel.
+ * Removes egui's second texture filter, meant for tests, from its shader: software renderers compute both branches,
+ * and take seven times as long for each pixel.
  */
 function simplifyShaders() {
   const { shaderSource } = WebGL2RenderingContext.prototype;
@@ -166,15 +166,15 @@ async function run() {
   viewer = await start(canvas, host);
   status.hidden = true;
   status.style.display = 'none';
-  // (The canvas takes the drop as well, to end the hint that it shows.)
+  // (The canvas also gets the drop, so that it hides its hint.)
   addEventListener('dragover', (event) => event.preventDefault());
   document.addEventListener('drop', (event) => {
     event.preventDefault();
     drop(event.dataTransfer).catch(failed);
   }, { capture: true });
-  // For tests, and for pages that show this one in a frame of theirs.
+  // For tests, and for pages that embed this one in a frame.
   globalThis.lodsmith = {
-    open: (pairs) => handOver(pairs, isSession),
+    open: (pairs) => openFiles(pairs, isSession),
     state: () => JSON.parse(viewer.state()),
     widgets: () => JSON.parse(viewer.widgets()) ?? [],
   };

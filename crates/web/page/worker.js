@@ -1,5 +1,5 @@
-// A worker of the page: runs the engine. It is told the compiled module first, and then requests; it answers
-// with bytes, and tells its progress. Cancelling ends it.
+// A worker of the page: runs the engine. Its first message is the compiled module, and all others are requests. It
+// posts progress and then the bytes of the answer. Cancelling terminates it.
 import init, { WebEngine, unpack } from './lodsmith.js';
 
 const files = new Map();
@@ -8,17 +8,17 @@ let ready = null;
 
 const isModel = (path) => /\.(3mf|dae|fbx|glb|gltf|lpm|obj|off|ply|stl)(\.gz)?$/i.test(path);
 
-/** Puts a model where the engine reads it, and the files that came with it, without other models. */
+/** Gives the engine a model and the files that came with it, without other models. */
 async function putFiles(model) {
-  const { time } = files.get(model) ?? {};
+  const { batch } = files.get(model) ?? {};
   for (const [path, file] of files) {
-    if (path === model || (file.time === time && !isModel(path))) {
+    if (path === model || (file.batch === batch && !isModel(path))) {
       engine.putFile(path, new Uint8Array(await file.blob.arrayBuffer()));
     }
   }
 }
 
-async function take({ compiled, request, added, unpack: archive }) {
+async function handle({ compiled, request, added, unpack: archive }) {
   if (compiled) {
     ready = init({ module_or_path: compiled });
     return;
@@ -38,5 +38,5 @@ async function take({ compiled, request, added, unpack: archive }) {
 
 let last = Promise.resolve();
 addEventListener('message', ({ data }) => {
-  last = last.then(() => take(data)).catch((why) => postMessage({ failed: String(why.message ?? why) }));
+  last = last.then(() => handle(data)).catch((why) => postMessage({ failed: String(why.message ?? why) }));
 });

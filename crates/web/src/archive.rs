@@ -1,4 +1,4 @@
-//! ZIP archives: models and textures that were dropped together, and several files of one export.
+//! ZIP archives: dropped archives of models with textures, and exports of several files.
 
 use std::io::{Cursor, Read, Write};
 
@@ -7,7 +7,7 @@ use wasm_bindgen::prelude::*;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
-/// Largest total of unpacked bytes: what a module can read at once.
+/// Largest total number of unpacked bytes: what a WebAssembly module can hold.
 const MAX_UNPACKED: u64 = 1 << 30;
 /// Largest number of files in an archive. Guessed.
 const MAX_FILES: usize = 10_000;
@@ -16,10 +16,10 @@ fn error(why: impl std::fmt::Display) -> JsValue {
     Error::new(&why.to_string()).into()
 }
 
-/// Returns the files of an archive as pairs of path and bytes.
+/// Returns the files of a ZIP archive as pairs of path and bytes.
 ///
 /// # Errors
-/// If it is no archive, or has too many files or bytes.
+/// If the bytes are not a ZIP archive, or it has too many files or bytes.
 #[wasm_bindgen]
 pub fn unpack(bytes: &[u8]) -> Result<Array, JsValue> {
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(error)?;
@@ -42,7 +42,7 @@ pub fn unpack(bytes: &[u8]) -> Result<Array, JsValue> {
     Ok(all)
 }
 
-/// Returns an archive of files, given as pairs of path and bytes.
+/// Returns a ZIP archive of files, given as pairs of path and bytes.
 ///
 /// # Errors
 /// If there is not enough memory.

@@ -7,7 +7,7 @@ use lodsmith_io::drive::memory;
 use lodsmith_viewer::document::Engine;
 use wasm_bindgen::prelude::*;
 
-/// The engine of a worker, with its files.
+/// The engine of a worker, with its files in memory.
 #[wasm_bindgen]
 #[derive(Default)]
 pub struct WebEngine {
@@ -23,14 +23,14 @@ impl WebEngine {
         Self::default()
     }
 
-    /// Returns true if the files of the page have to be put here before this request is run.
+    /// Returns whether this request needs files of the page: [`put_file`](Self::put_file) them before `run`.
     #[wasm_bindgen(js_name = needsFiles)]
     #[must_use]
     pub fn needs_files(&self, request: &str) -> bool {
         self.engine.needs_files(request)
     }
 
-    /// Puts a file here.
+    /// Stores a file in the memory of this worker.
     #[wasm_bindgen(js_name = putFile)]
     pub fn put_file(&mut self, path: &str, bytes: Vec<u8>) {
         memory::put(Path::new(path), bytes);

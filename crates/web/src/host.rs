@@ -1,4 +1,4 @@
-//! The viewer's calls to the page: files, workers and downloads, by functions of JavaScript.
+//! The viewer's calls to the page: files, workers and downloads, through JavaScript functions.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use wasm_bindgen::prelude::*;
 
 #[wasm_bindgen]
 extern "C" {
-    /// The object of JavaScript behind the page: see `page.js`.
+    /// The JavaScript object that serves the viewer: see `page.js`.
     pub type Host;
 
     #[wasm_bindgen(method, js_name = startWorker)]

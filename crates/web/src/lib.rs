@@ -1,7 +1,7 @@
-//! The viewer as a page of a browser: the window on a canvas, and the engine in workers.
+//! The viewer as a web page: the window on a canvas, and the engine in workers.
 //!
-//! One module does both: [`start`] runs the window, [`WebEngine`] answers its requests in a worker. The
-//! JavaScript around it is in `page`.
+//! One WebAssembly module does both: [`start`] runs the window, and [`WebEngine`] runs its requests in a worker.
+//! The JavaScript of the page is in `page`.
 #![cfg(target_arch = "wasm32")]
 
 mod archive;

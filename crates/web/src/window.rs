@@ -35,7 +35,7 @@ pub async fn start(canvas: web_sys::HtmlCanvasElement, host: Host) -> Result<Win
     Ok(Window { runner, context, tree })
 }
 
-/// The open window, for the page around it.
+/// The open window, for the JavaScript of the page.
 #[wasm_bindgen]
 pub struct Window {
     runner: eframe::WebRunner,
@@ -45,7 +45,7 @@ pub struct Window {
 
 #[wasm_bindgen]
 impl Window {
-    /// Draws the window again, because the page has something new.
+    /// Redraws the window, because the page has something new.
     pub fn wake(&self) {
         self.context.request_repaint();
     }
@@ -58,14 +58,14 @@ impl Window {
         self.context.request_repaint();
     }
 
-    /// Puts a small file, such as a session, where the window reads it.
+    /// Stores a small file, such as a session, in the memory that the window reads.
     #[wasm_bindgen(js_name = putFile)]
     pub fn put_file(&self, path: &str, bytes: Vec<u8>) {
         memory::put(Path::new(path), bytes);
     }
 
-    /// Returns what the window shows, as JSON: counts of the original and the result, and the state of its
-    /// jobs.
+    /// Returns the state of the window as JSON: counts of the original and the result, measured errors, and
+    /// running jobs.
     #[must_use]
     pub fn state(&self) -> String {
         let Some(app) = self.runner.app_mut::<App>() else { return "null".to_owned() };
@@ -90,9 +90,8 @@ impl Window {
         .to_string()
     }
 
-    /// Returns the widgets of the window as JSON, from the tree that screen readers are given: role, name,
-    /// value and rectangle in points. The tree is built from the first call on; it is empty until the window
-    /// has been drawn again.
+    /// Returns the widgets of the window as JSON, from the accessibility tree: role, name, value and rectangle in
+    /// points. The first call enables the tree; it is empty until the window has been redrawn.
     #[must_use]
     pub fn widgets(&self) -> String {
         self.context.enable_accesskit();

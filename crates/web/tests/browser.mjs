@@ -1,5 +1,5 @@
-// A browser with the page in it, for tests and measurements: a server of the page's folder, Chromium with its software
-// adapter, and what a user does.
+// The page in a browser, for tests and measurements: a server for the folder of the page, Chromium with a software
+// renderer, and the actions of a user.
 import { createServer } from 'node:http';
 import { existsSync } from 'node:fs';
 import { readFile } from 'node:fs/promises';
@@ -11,12 +11,12 @@ export const puppeteer = await import('puppeteer-core').then((m) => m.default, (
 export const folder = process.env.LODSMITH_WEB && resolve(process.env.LODSMITH_WEB);
 
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.wasm': 'application/wasm' };
-/** Any static host will do: under a path, without headers of its own. */
+/** The page must work on any static host: below a path, without special headers. */
 const PATH = '/some/where/';
 
-/** WebGL 2 on the processor. */
+/** WebGL 2 on the CPU. */
 const GL = ['--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
-/** WebGPU on the processor. */
+/** WebGPU on the CPU. */
 export const WEBGPU = [
   '--enable-unsafe-webgpu', '--use-webgpu-adapter=swiftshader', '--enable-features=Vulkan', '--use-vulkan=swiftshader',
   '--use-angle=vulkan', '--ignore-gpu-blocklist',
@@ -38,7 +38,7 @@ async function serve() {
   return server;
 }
 
-/** Opens the page in a browser; returns what a user does with it. */
+/** Opens the page in a browser; returns the actions of a user. */
 export async function openPage({ flags = GL, size = [1280, 800], downloads = null } = {}) {
   const server = await serve();
   const origin = `http://127.0.0.1:${server.address().port}`;
@@ -56,23 +56,23 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
   page.on('console', (message) => message.type() === 'error' && errors.push(message.text()));
   const devtools = await page.createCDPSession();
   if (downloads) {
-    const whole = await browser.target().createCDPSession();
-    await whole.send('Browser.setDownloadBehavior', { behavior: 'allow', downloadPath: downloads });
+    const ofBrowser = await browser.target().createCDPSession();
+    await ofBrowser.send('Browser.setDownloadBehavior', { behavior: 'allow', downloadPath: downloads });
   }
   await page.goto(origin + PATH);
 
   const state = () => page.evaluate(() => globalThis.lodsmith?.state());
-  /** Waits until the state is as wanted, and returns it. */
-  const until = async (is, what, limit = 120_000) => {
+  /** Waits until the state meets a condition, and returns the state. */
+  const until = async (isMet, what, limit = 120_000) => {
     const end = Date.now() + limit;
     for (;;) {
       const now = await state();
-      if (now && is(now)) return now;
+      if (now && isMet(now)) return now;
       if (Date.now() > end) throw new Error(`never ${what}: ${JSON.stringify(now)} ${errors.join('\n')}`);
       await new Promise((done) => setTimeout(done, 20));
     }
   };
-  /** Returns the widget with this name, once it is there: its role, value and rectangle. */
+  /** Waits for the widget with this name; returns its role, value and rectangle. */
   const widget = async (name, limit = 20_000) => {
     const end = Date.now() + limit;
     for (;;) {
@@ -89,23 +89,23 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
     async click(name) {
       await page.mouse.click(...middle(await widget(name)));
     },
-    /** Drops files or folders of this machine on the window. */
+    /** Drops local files or folders on the window. */
     async drop(...files) {
       const data = { items: [], files: files.map((f) => resolve(f)), dragOperationsMask: 1 };
       for (const type of ['dragEnter', 'dragOver', 'drop']) {
         await devtools.send('Input.dispatchDragEvent', { type, x: 640, y: 360, data });
       }
     },
-    /** Moves the target slider to places from 0 to 1 while the button is held; `at` is called at each of them. */
-    async drag(places, at = async () => {}) {
+    /** Drags the target slider to positions from 0 to 1; calls `at` at each of them. */
+    async drag(positions, at = async () => {}) {
       const { rect: [x0, y0, x1] } = await widget('Target slider');
-      const point = (place) => [x0 + 10 + (x1 - x0 - 20) * place, y0 + 13];
-      // A button that goes down and rests is not a drag yet.
-      await page.mouse.move(...point(places[0] - 0.05));
+      const point = (position) => [x0 + 10 + (x1 - x0 - 20) * position, y0 + 13];
+      // Pressing the button without moving the mouse is not a drag yet.
+      await page.mouse.move(...point(positions[0] - 0.05));
       await page.mouse.down();
-      for (const place of places) {
-        await page.mouse.move(...point(place));
-        await at(place);
+      for (const position of positions) {
+        await page.mouse.move(...point(position));
+        await at(position);
       }
       await page.mouse.up();
     },

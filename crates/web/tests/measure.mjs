@@ -1,4 +1,4 @@
-// Measures the page: time to the first picture, pictures a second while the slider is dragged, memory.
+// Measures the page: time to the first frame, frames per second while the slider is dragged, memory.
 //
 // usage: LODSMITH_WEB=FOLDER node measure.mjs MODEL [SCREENSHOT.png]
 import { execFileSync } from 'node:child_process';
@@ -9,7 +9,7 @@ import { openPage } from './browser.mjs';
 /** Seconds of dragging. */
 const DRAG_SECS = 6;
 
-/** Returns the resident memory in MB of the processes of a browser, by their kind. */
+/** Returns the proportional memory (PSS) in MB of the processes of a browser, by kind. */
 function memory(browser) {
   const main = browser.process().pid;
   const all = execFileSync('ps', ['-eo', 'pid,ppid,args', '--no-headers'], { encoding: 'utf8' }).split('\n');
@@ -23,17 +23,17 @@ function memory(browser) {
       const pss = +readFileSync(`/proc/${pid}/smaps_rollup`, 'utf8').match(/Pss:\s+(\d+) kB/)[1];
       kinds[kind] = Math.round((kinds[kind] ?? 0) + pss / 1024);
     } catch {
-      // It has just ended.
+      // The process has just ended.
     }
   }
   return kinds;
 }
 
 const [path, screenshot] = process.argv.slice(2);
-const begin = Date.now();
+const started = Date.now();
 const user = await openPage({ size: [1440, 900] });
 await user.until((s) => s.original === null, 'empty');
-console.log(`page ready after ${((Date.now() - begin) / 1000).toFixed(2)} s (browser start included)`);
+console.log(`page ready after ${((Date.now() - started) / 1000).toFixed(2)} s (browser start included)`);
 console.log(`memory, empty: ${JSON.stringify(memory(user.browser))} MB`);
 const dropped = Date.now();
 await user.drop(path);
@@ -43,19 +43,19 @@ await user.until((s) => s.hasPreview && s.isIdle, 'ready for the slider', 600_00
 console.log(`slider ready ${((Date.now() - dropped) / 1000).toFixed(2)} s after the drop`);
 console.log(`memory: ${JSON.stringify(memory(user.browser))} MB`);
 
-// Counts the frames in which another level is shown.
+// Counts the frames that show another level.
 await user.page.evaluate(() => {
-  const seen = { times: [], faces: null, go: true };
+  const seen = { times: [], faces: null, isRunning: true };
   globalThis.seen = seen;
-  const look = () => {
+  const observe = () => {
     const { result } = globalThis.lodsmith.state();
     if (result && result.faces !== seen.faces) {
       seen.faces = result.faces;
       seen.times.push(performance.now());
     }
-    if (seen.go) requestAnimationFrame(look);
+    if (seen.isRunning) requestAnimationFrame(observe);
   };
-  requestAnimationFrame(look);
+  requestAnimationFrame(observe);
 });
 const end = Date.now() + DRAG_SECS * 1000;
 const sweep = function* () {
@@ -63,18 +63,18 @@ const sweep = function* () {
 };
 const at = sweep();
 const rect = (await user.widget('Target slider')).rect;
-const point = (place) => [rect[0] + 10 + (rect[2] - rect[0] - 20) * place, rect[1] + 13];
+const point = (position) => [rect[0] + 10 + (rect[2] - rect[0] - 20) * position, rect[1] + 13];
 await user.page.mouse.move(...point(at.next().value));
 await user.page.mouse.down();
 while (Date.now() < end) {
   await user.page.mouse.move(...point(at.next().value));
   await new Promise((done) => setTimeout(done, 12));
 }
-const times = await user.page.evaluate(() => ((globalThis.seen.go = false), globalThis.seen.times));
+const times = await user.page.evaluate(() => ((globalThis.seen.isRunning = false), globalThis.seen.times));
 await user.page.mouse.up();
 const gaps = times.slice(1).map((t, i) => t - times[i]);
 const rate = (1000 * gaps.length) / (times.at(-1) - times[0]);
-console.log(`slider: ${rate.toFixed(1)} pictures a second, longest gap ${(Math.max(...gaps) / 1000).toFixed(2)} s (${times.length} levels)`);
+console.log(`slider: ${rate.toFixed(1)} frames per second, longest gap ${(Math.max(...gaps) / 1000).toFixed(2)} s (${times.length} levels)`);
 await user.until((s) => s.isIdle && s.result?.isExact, 'exact', 600_000);
 console.log(`memory at the end: ${JSON.stringify(memory(user.browser))} MB`);
 if (screenshot) await user.page.screenshot({ path: screenshot });

@@ -1,35 +1,35 @@
-// Models that are made here, so that no file is needed.
+// Generated models for tests.
 
-/** A ball with bumps, of 2 · columns · (rows − 1) triangles: closed, with one texture that goes round it. */
+/** Returns a closed ball with bumps, of 2 · columns · (rows − 1) triangles, with texture coordinates around it. */
 export function bumpyBall(columns, rows) {
-  const places = [];
+  const positions = [];
   const uvs = [];
   const faces = [];
   for (let i = 0; i <= rows; i++) {
     for (let k = 0; k < columns; k++) {
       const [a, b] = [(Math.PI * i) / rows, (2 * Math.PI * k) / columns];
       const r = 1 + 0.1 * Math.sin(5 * b) * Math.sin(7 * a) * Math.sin(a);
-      places.push([r * Math.sin(a) * Math.cos(b), r * Math.cos(a), r * Math.sin(a) * Math.sin(b)]);
+      positions.push([r * Math.sin(a) * Math.cos(b), r * Math.cos(a), r * Math.sin(a) * Math.sin(b)]);
       uvs.push([k / columns, 1 - i / rows]);
     }
   }
   const at = (i, k) => i * columns + (k % columns);
   for (let i = 0; i < rows; i++) {
     for (let k = 0; k < columns; k++) {
-      // At the poles one of the two would be no triangle.
+      // At the poles one of the two triangles would be degenerate.
       if (i > 0) faces.push([at(i, k), at(i, k + 1), at(i + 1, k)]);
       if (i < rows - 1) faces.push([at(i, k + 1), at(i + 1, k + 1), at(i + 1, k)]);
     }
   }
-  // A pole is one vertex.
-  const own = (v) => (v < columns ? 0 : v >= rows * columns ? rows * columns : v);
-  return { places, uvs, faces: faces.map((f) => f.map(own)) };
+  // Each pole is one vertex.
+  const merged = (v) => (v < columns ? 0 : v >= rows * columns ? rows * columns : v);
+  return { positions, uvs, faces: faces.map((f) => f.map(merged)) };
 }
 
-/** The text of an OBJ, with a material of a library if one is named. */
-export function obj({ places, uvs, faces }, library, material) {
+/** Returns the text of an OBJ file, optionally with a material of a material library. */
+export function obj({ positions, uvs, faces }, library, material) {
   const lines = library ? [`mtllib ${library}`] : [];
-  for (const p of places) lines.push(`v ${p.map((x) => x.toFixed(6)).join(' ')}`);
+  for (const p of positions) lines.push(`v ${p.map((x) => x.toFixed(6)).join(' ')}`);
   if (material) for (const uv of uvs) lines.push(`vt ${uv.map((x) => x.toFixed(6)).join(' ')}`);
   if (material) lines.push(`usemtl ${material}`);
   for (const f of faces) lines.push(`f ${f.map((v) => (material ? `${v + 1}/${v + 1}` : v + 1)).join(' ')}`);

@@ -9,14 +9,14 @@ import { WEBGPU, chromium, folder, openPage, puppeteer } from './browser.mjs';
 import { bumpyBall, obj } from './models.mjs';
 
 const command = process.env.LODSMITH;
-const skip = (!chromium && 'no chromium') || (!puppeteer && 'no puppeteer-core') || (!folder && 'LODSMITH_WEB names no page') ||
-  (!command && 'LODSMITH names no command');
+const skip = (!chromium && 'no chromium') || (!puppeteer && 'no puppeteer-core') || (!folder && 'LODSMITH_WEB is not set') ||
+  (!command && 'LODSMITH is not set');
 const options = { skip, timeout: 300_000 };
 
 const work = mkdtempSync(join(tmpdir(), 'lodsmith-web-'));
 after(() => rmSync(work, { recursive: true }));
 const lodsmith = (...args) => execFileSync(command, args, { encoding: 'utf8' });
-/** Makes a model of 11,520 faces as a file of this name. */
+/** Writes a model of 11,520 faces to a file of this name. */
 const model = (name) => {
   const path = join(work, name);
   const text = join(work, 'source.obj');
@@ -24,7 +24,7 @@ const model = (name) => {
   lodsmith('convert', text, path, '--quiet');
   return path;
 };
-/** Waits for a download to be complete. */
+/** Waits for a download; returns its bytes. */
 const downloaded = async (folder, name) => {
   for (let n = 0; n < 600; n++) {
     if (readdirSync(folder).includes(name)) return readFileSync(join(folder, name));
@@ -33,7 +33,7 @@ const downloaded = async (folder, name) => {
   throw new Error(`no ${name} among ${readdirSync(folder)}`);
 };
 
-test('a model is dropped, the slider dragged, the result downloaded, and nothing leaves', options, async () => {
+test('a dropped model is simplified and downloaded, and nothing is sent', options, async () => {
   const downloads = join(work, 'downloads');
   mkdirSync(downloads);
   const user = await openPage({ downloads });
@@ -45,7 +45,7 @@ test('a model is dropped, the slider dragged, the result downloaded, and nothing
     const { original } = await user.until((s) => s.original && s.hasPreview && s.isIdle, 'opened');
     assert.deepEqual([original.path, original.faces], ['ball.glb', 11_520]);
 
-    // The result follows while the slider is held.
+    // The result follows the slider during the drag.
     const counts = [];
     await user.drag([0.9, 0.7, 0.5, 0.3, 0.6], async () => {
       const before = (await user.state()).result?.faces;
@@ -61,24 +61,24 @@ test('a model is dropped, the slider dragged, the result downloaded, and nothing
     const { distances } = await user.until((s) => s.distances && s.isIdle, 'measured');
     assert.ok(distances.largest > 0 && distances.rms <= distances.largest, JSON.stringify(distances));
 
-    // The difference picture.
+    // The difference image.
     await user.click('Difference');
     const { difference } = await user.until((s) => s.difference !== null && s.isIdle, 'compared');
     assert.ok(difference > 0 && difference < 1, `${difference}`);
 
-    // The same bytes as the command that the window shows.
+    // The download equals the output of the command that the window shows.
     await user.page.keyboard.down('Control');
     await user.page.keyboard.press('KeyS');
     await user.page.keyboard.up('Control');
     await user.click('Write');
     const bytes = await downloaded(downloads, 'ball_low.glb');
-    const words = exact.command.split(' ').slice(3).filter((w, i, all) => w !== '-o' && all[i - 1] !== '-o');
-    lodsmith('simplify', path, '-o', join(work, 'by-command.glb'), '--quiet', ...words);
+    const given = exact.command.split(' ').slice(3).filter((w, i, all) => w !== '-o' && all[i - 1] !== '-o');
+    lodsmith('simplify', path, '-o', join(work, 'by-command.glb'), '--quiet', ...given);
     assert.ok(bytes.equals(readFileSync(join(work, 'by-command.glb'))), exact.command);
 
     assert.deepEqual(user.errors, []);
-    const later = user.requests.slice(loaded).filter((url) => !url.startsWith('blob:'));
-    assert.ok(later.every((url) => /\/some\/where\/(worker\.js|lodsmith\.js)$/.test(url)), `${later}`);
+    const afterLoad = user.requests.slice(loaded).filter((url) => !url.startsWith('blob:'));
+    assert.ok(afterLoad.every((url) => /\/some\/where\/(worker\.js|lodsmith\.js)$/.test(url)), `${afterLoad}`);
     assert.ok(user.requests.every((url) => url.startsWith(user.origin) || /^(blob|data):/.test(url)), `${user.requests}`);
   } finally {
     await user.close();
@@ -123,7 +123,7 @@ test('a folder and an archive with textures are opened', options, async () => {
       const { rect: [x0, y0, x1, y1] } = await user.widget('Original');
       const clip = { x: x0, y: y0, width: x1 - x0, height: y1 - y0 };
       await user.page.screenshot({ path: join(downloads, 'seen.png'), clip });
-      // Files that are no model are refused with a message.
+      // Other files than models are refused with a message.
       await user.drop(join(source, 'tex', 'paint.png'));
       const refused = await user.until((s) => s.problem, 'refused');
       assert.match(refused.problem, /none of the 1 files is a model/);
@@ -135,7 +135,7 @@ test('a folder and an archive with textures are opened', options, async () => {
   }
 });
 
-test('formats of models are opened by the page, and broken ones refused', options, async () => {
+test('all model formats are opened, and broken files refused', options, async () => {
   const user = await openPage();
   try {
     await user.until((s) => s.original === null, 'empty');
@@ -157,9 +157,9 @@ test('formats of models are opened by the page, and broken ones refused', option
   }
 });
 
-const ofWebGpu = { ...options, skip: options.skip || (process.env.LODSMITH_NO_WEBGPU ? 'no adapter for WebGPU' : false) };
+const webGpuOptions = { ...options, skip: options.skip || (process.env.LODSMITH_NO_WEBGPU ? 'no adapter for WebGPU' : false) };
 
-test('the page works with WebGPU', ofWebGpu, async () => {
+test('the page works with WebGPU', webGpuOptions, async () => {
   const user = await openPage({ flags: WEBGPU });
   try {
     await user.until((s) => s.original === null, 'empty');
