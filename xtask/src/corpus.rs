@@ -2,10 +2,10 @@
 //! 1 %, and reads the results again.
 //!
 //! The checks depend on the folder of a file:
-//! * anywhere: no crash, no hang, no more memory than the limit, at most the requested triangles if the
-//!   report says `reached`, and a readable result; the box that `info` tells and the diagonal of the report are those
-//!   of the picture; what was closed by its indices stays so; two-sided sheets lose no more of their area than without
-//!   their back sides; and errors are printed that are about as large as measured ones, see [`errors`];
+//! * anywhere: no crash, no hang, no more memory than the limit, at most the requested triangles if the report says
+//!   `reached`, and a readable result; the bounding box of `info` and the diagonal of the report agree with the
+//!   rendered image; a model closed by its indices stays closed; two-sided sheets lose no more area than without
+//!   their back sides; and reported errors are about as large as measured ones, see [`errors`];
 //! * clean manifold input: no more non-manifold or border edges, degenerate or duplicate faces than in the
 //!   input;
 //! * `dirty/` and `broken/`: success, or exit status 1 with one line of error, each in under a second and 200
@@ -14,9 +14,9 @@
 //!
 //! With `--methods`, runs every method instead, see [`methods`].
 
+mod consistency;
 mod errors;
 mod methods;
-mod wholes;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -26,15 +26,15 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
 use crate::{release_command, shared_models};
+use consistency::Sheets;
 use errors::PrintedErrors;
-use wholes::Sheets;
 
 /// The expected outcome for a damaged file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ExpectedOutcome {
     /// Success.
     Done,
-    /// An error whose line contains all of these words.
+    /// An error message that contains all of these words.
     Refused(&'static [&'static str]),
     /// Either.
     Either,
@@ -77,12 +77,11 @@ const EXPECTED_OUTCOMES: &[(&str, ExpectedOutcome)] = &[
 
 /// Extensions of supported formats, and of known but unsupported ones.
 const SUPPORTED_EXTENSIONS: &[&str] = &["obj", "off", "ply", "stl", "gltf", "glb", "3mf", "dae"];
-/// (FBX is a feature of the build.)
+/// (FBX is an optional feature.)
 const REFUSED_EXTENSIONS: &[&str] = &["fbx"];
 /// Fractions of the triangles to keep.
 const RATIOS: [f64; 4] = [0.5, 0.25, 0.1, 0.01];
-/// Errors are measured, and the area of sheets is looked at, at ratios from this one on: below, a model may have any
-/// shape.
+/// Lowest ratio at which errors are measured and the area of sheets is checked: below, a model may have any shape.
 const MIN_MEASURED_RATIO: f64 = 0.1;
 /// Limits for files that are damaged on purpose.
 const DAMAGED_LIMIT: Limits = Limits { seconds: 1.0, megabytes: 200 };
@@ -118,15 +117,15 @@ struct CorpusRow {
 
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut folders, mut limit, mut only) = (Vec::<PathBuf>::new(), 60.0, String::new());
-    let (mut is_of_methods, mut largest) = (false, methods::DEFAULT_MAX_FACES);
-    let mut words = args.iter();
-    while let Some(word) = words.next() {
-        match word.as_str() {
-            "--limit" => limit = words.next().context("--limit needs seconds")?.parse()?,
-            "--only" => only.clone_from(words.next().context("--only needs a text")?),
-            "--methods" => is_of_methods = true,
-            "--largest" => largest = methods::count(words.next())?,
-            place if !place.starts_with('-') => folders.push(place.into()),
+    let (mut runs_methods, mut largest) = (false, methods::DEFAULT_MAX_FACES);
+    let mut rest = args.iter();
+    while let Some(argument) = rest.next() {
+        match argument.as_str() {
+            "--limit" => limit = rest.next().context("--limit needs seconds")?.parse()?,
+            "--only" => only.clone_from(rest.next().context("--only needs a text")?),
+            "--methods" => runs_methods = true,
+            "--largest" => largest = methods::count(rest.next())?,
+            path if !path.starts_with('-') => folders.push(path.into()),
             other => bail!("unknown argument {other}"),
         }
     }
@@ -135,7 +134,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         folders = vec![models.clone(), models.with_file_name("found")];
     }
     for folder in &folders {
-        ensure!(folder.is_dir(), "{} is no folder: there is nothing to check", folder.display());
+        ensure!(folder.is_dir(), "{} is not a folder", folder.display());
     }
     let command = release_command()?;
     let limits = Limits { seconds: limit, megabytes: 4000 };
@@ -146,7 +145,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         collect(&folder, &mut files)?;
         files.retain(|p| p.to_string_lossy().contains(&only));
         ensure!(!files.is_empty(), "{} has no model", folder.display());
-        if is_of_methods {
+        if runs_methods {
             let command = corpus.command.clone();
             methods::Sweep { command, folder, files, limits, largest }.run()?;
             continue;
@@ -163,7 +162,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             row.print();
         }
     }
-    if is_of_methods {
+    if runs_methods {
         return Ok(());
     }
     println!("\n{count} files, {failed} with problems");
@@ -198,10 +197,10 @@ impl CorpusRow {
     }
 }
 
-fn ending(path: &Path) -> String {
+fn extension(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
-    name.rsplit_once('.').map_or(String::new(), |(_, ending)| ending.to_owned())
+    name.rsplit_once('.').map_or(String::new(), |(_, extension)| extension.to_owned())
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
@@ -211,8 +210,8 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     for path in entries {
         if path.is_dir() {
             collect(&path, files)?;
-        } else if SUPPORTED_EXTENSIONS.contains(&&*ending(&path))
-            || REFUSED_EXTENSIONS.contains(&&*ending(&path))
+        } else if SUPPORTED_EXTENSIONS.contains(&&*extension(&path))
+            || REFUSED_EXTENSIONS.contains(&&*extension(&path))
         {
             files.push(path);
         }
@@ -229,12 +228,12 @@ struct Corpus {
     errors: PrintedErrors,
 }
 
-/// A model that is run, and what is known of it.
-struct Known<'a> {
+/// A model of the corpus, and its figures before simplification.
+struct CheckedModel<'a> {
     info: &'a Value,
     drawn_diagonal: Option<f64>,
     sheets: Option<Sheets>,
-    /// False if the format that is written splits vertices where that of the model does not.
+    /// False if the output format splits vertices that the input format does not.
     is_kept_by_index: bool,
     limits: Limits,
 }
@@ -244,14 +243,14 @@ impl Corpus {
         let folder = row.name.split('/').next().unwrap_or_default();
         let file_name = file.file_name().unwrap_or_default().to_string_lossy();
         let damaged = matches!(folder, "dirty" | "broken");
-        let wanted = if REFUSED_EXTENSIONS.contains(&&*ending(file)) {
+        let expected = if REFUSED_EXTENSIONS.contains(&&*extension(file)) {
             ExpectedOutcome::Refused(&[])
         } else if row.name.contains("/compressed/") {
-            // An extension that needs a decoder: either decoded, or refused by name.
+            // A glTF extension that needs a decoder: either decoded, or refused by name.
             ExpectedOutcome::Either
         } else {
             let listed = EXPECTED_OUTCOMES.iter().find(|(name, _)| *name == file_name);
-            listed.map_or(ExpectedOutcome::Done, |&(_, wanted)| wanted)
+            listed.map_or(ExpectedOutcome::Done, |&(_, expected)| expected)
         };
         let limits = if damaged { DAMAGED_LIMIT } else { self.limits };
 
@@ -261,19 +260,19 @@ impl Corpus {
         match (&before, info.status) {
             (Some(before), Some(0)) => row.faces = before["faces"].as_u64(),
             (None, Some(0)) => row.problem("info: no JSON"),
-            _ if wanted == ExpectedOutcome::Done => row.problem(format!("info: {}", one_line(&info))),
+            _ if expected == ExpectedOutcome::Done => row.problem(format!("info: {}", one_line(&info))),
             _ => {}
         }
 
         let out_folder = tempfile::tempdir()?;
-        // The format of the input, if it holds everything in one file; COLLADA is only read.
-        let ending = match &*ending(file) {
+        // The format of the input if it is a single file; COLLADA can only be read.
+        let extension = match &*extension(file) {
             "gltf" | "dae" => "glb".to_owned(),
-            ending if SUPPORTED_EXTENSIONS.contains(&ending) => ending.to_owned(),
+            known if SUPPORTED_EXTENSIONS.contains(&known) => known.to_owned(),
             _ => "ply".to_owned(),
         };
-        // COLLADA has an index for each kind of attribute; so have PLY files with texture coordinates at the faces, which
-        // are written at the vertices.
+        // COLLADA has one index for each attribute. PLY files may have texture coordinates per corner, which are
+        // written per vertex.
         let has_uvs =
             |info: &Value| info["attributes"].as_array().is_some_and(|all| all.contains(&"uvs".into()));
         let is_kept_by_index = |info: &Value| match info["format"].as_str() {
@@ -281,21 +280,27 @@ impl Corpus {
             Some("ply") => !has_uvs(info),
             _ => true,
         };
-        let known = match before.as_ref().filter(|info| info["faces"].as_u64().is_some_and(|n| n > 0)) {
+        let model = match before.as_ref().filter(|info| info["faces"].as_u64().is_some_and(|n| n > 0)) {
             Some(info) if !damaged => {
-                let drawn_diagonal = wholes::drawn_diagonal(&self.command, file, info, limits, row)?;
-                let single = out_folder.path().join(format!("single.{ending}"));
+                let drawn_diagonal = consistency::drawn_diagonal(&self.command, file, info, limits, row)?;
+                let single = out_folder.path().join(format!("single.{extension}"));
                 let sheets = Sheets::of(&self.command, file, info, single, limits, row)?;
-                Some(Known { info, drawn_diagonal, sheets, is_kept_by_index: is_kept_by_index(info), limits })
+                Some(CheckedModel {
+                    info,
+                    drawn_diagonal,
+                    sheets,
+                    is_kept_by_index: is_kept_by_index(info),
+                    limits,
+                })
             }
             info => info.map(|info| {
                 let is_kept_by_index = is_kept_by_index(info);
-                Known { info, drawn_diagonal: None, sheets: None, is_kept_by_index, limits }
+                CheckedModel { info, drawn_diagonal: None, sheets: None, is_kept_by_index, limits }
             }),
         };
         let is_measured = !damaged && row.faces.is_some_and(|n| n <= self.largest);
         for ratio in RATIOS {
-            let out = out_folder.path().join(format!("out {ratio}.{ending}"));
+            let out = out_folder.path().join(format!("out {ratio}.{extension}"));
             let text = ratio.to_string();
             let mut args = vec!["simplify".as_ref(), file.as_os_str(), "--ratio".as_ref(), text.as_ref()];
             args.extend(["-o".as_ref(), out.as_os_str(), "--json".as_ref()]);
@@ -305,20 +310,20 @@ impl Corpus {
             let outcome = call(&self.command, &args, limits)?;
             let what = format!("to {ratio}");
             row.note(&outcome, &what, limits);
-            match (outcome.status, wanted) {
+            match (outcome.status, expected) {
                 (Some(0), ExpectedOutcome::Refused(_)) => {
                     row.problem(format!("{what}: done, but should be refused"));
                 }
-                (Some(0), _) => self.result(known.as_ref(), &outcome, (&out, ratio), row)?,
+                (Some(0), _) => self.result(model.as_ref(), &outcome, (&out, ratio), row)?,
                 (Some(1), ExpectedOutcome::Done) => row.problem(format!("{what}: {}", one_line(&outcome))),
                 (Some(1), ExpectedOutcome::Refused(words)) => {
                     for word in words.iter().filter(|w| !outcome.stderr.contains(**w)) {
-                        row.problem(format!("the error does not say \"{word}\": {}", one_line(&outcome)));
+                        row.problem(format!("the error does not contain \"{word}\": {}", one_line(&outcome)));
                     }
                     row.remark = one_line(&outcome);
                 }
                 (Some(1), ExpectedOutcome::Either) => row.remark = one_line(&outcome),
-                // Other exit statuses have been noted.
+                // `note` has recorded other exit statuses.
                 _ => {}
             }
             if outcome.status != Some(0) {
@@ -365,7 +370,7 @@ impl Corpus {
     /// Checks the output of a successful run.
     fn result(
         &mut self,
-        known: Option<&Known<'_>>,
+        model: Option<&CheckedModel<'_>>,
         outcome: &Outcome,
         (out, ratio): (&Path, f64),
         row: &mut CorpusRow,
@@ -375,7 +380,7 @@ impl Corpus {
             row.problem(format!("{what}: no JSON"));
             return Ok(());
         };
-        let limits = known.map_or(self.limits, |known| known.limits);
+        let limits = model.map_or(self.limits, |model| model.limits);
         let info = call(&self.command, &["info".as_ref(), out.as_os_str(), "--json".as_ref()], limits)?;
         let Some(after) = value(&info).filter(|_| info.status == Some(0)) else {
             row.problem(format!("{what}: the result does not read back: {}", one_line(&info)));
@@ -391,19 +396,19 @@ impl Corpus {
             row.problem(format!("{what}: not reached, and no reason"));
         }
         if count(&after, "non_finite_vertices") != Some(0) {
-            row.problem(format!("{what}: vertices that are no numbers"));
+            row.problem(format!("{what}: vertices with non-finite coordinates"));
         }
         if let Some(problem) = self.errors.add(&format!("{} {what}", row.name), &report) {
             row.problem(format!("{what}: {problem}"));
         }
-        let Some(Known { info: before, drawn_diagonal, sheets, is_kept_by_index, .. }) = known else {
+        let Some(CheckedModel { info: before, drawn_diagonal, sheets, is_kept_by_index, .. }) = model else {
             return Ok(());
         };
         if count(before, "faces").is_some_and(|input| faces > input) {
             row.problem(format!("{what}: more faces than before"));
         }
         if let Some(drawn) = drawn_diagonal {
-            wholes::check_diagonal(*drawn, &report, &what, row);
+            consistency::check_diagonal(*drawn, &report, &what, row);
         }
         if let Some(sheets) = sheets.as_ref().filter(|_| ratio >= MIN_MEASURED_RATIO) {
             sheets.check(&self.command, (ratio, &after), limits, row)?;
@@ -417,7 +422,7 @@ impl Corpus {
     }
 }
 
-/// Returns true if a model is closed by its indices, and not only because edges of four faces count as closed.
+/// Returns whether a model is closed by its indices; edges of four faces do not count as closed.
 fn is_closed(info: &Value) -> bool {
     info["closed_by_index"] == true && info["manifold"] == true && info["non_finite_vertices"] == 0
 }
@@ -433,7 +438,7 @@ fn compare_defects(before: &Value, after: &Value, what: &str, row: &mut CorpusRo
                 if clean { row.problem(text) } else { row.remark = text }
             }
             (Some(_), Some(_)) => {}
-            _ => row.problem(format!("info does not tell {key}")),
+            _ => row.problem(format!("info has no {key}")),
         }
     }
 }
@@ -444,17 +449,16 @@ fn value(outcome: &Outcome) -> Option<Value> {
 }
 
 fn one_line(outcome: &Outcome) -> String {
-    let line = outcome.stderr.lines().next().unwrap_or("nothing said");
+    let line = outcome.stderr.lines().next().unwrap_or("no message");
     line.chars().take(160).collect()
 }
 
 /// Runs the command and measures its time, and its peak memory if the system reports it.
 fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Outcome> {
-    // A hanging run is given more time than allowed, so that the table shows by how much it exceeds the
-    // limit.
-    let patience = Duration::from_secs_f64(limits.seconds * 2.0 + 1.0);
+    // A slow run may exceed the limit before it is killed, so that the table shows by how much.
+    let kill_after = Duration::from_secs_f64(limits.seconds * 2.0 + 1.0);
     let (stdout, stderr) = (tempfile::tempfile()?, tempfile::tempfile()?);
-    let began = Instant::now();
+    let started = Instant::now();
     let mut child = Command::new(command)
         .args(args)
         .stdin(Stdio::null())
@@ -468,8 +472,8 @@ fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Out
             break status.code();
         }
         peak_kb = peak_kb.max(resident_peak_kb(child.id()).unwrap_or(0));
-        let greedy = peak_kb / 1024 > limits.megabytes * 2;
-        if began.elapsed() > patience || greedy {
+        let exceeds_memory = peak_kb / 1024 > limits.megabytes * 2;
+        if started.elapsed() > kill_after || exceeds_memory {
             child.kill()?;
             child.wait()?;
             break None;
@@ -477,7 +481,7 @@ fn call(command: &Path, args: &[&std::ffi::OsStr], limits: Limits) -> Result<Out
         // Memory grows by a few megabytes at most between two samples.
         std::thread::sleep(Duration::from_millis(1));
     };
-    let seconds = began.elapsed().as_secs_f64();
+    let seconds = started.elapsed().as_secs_f64();
     Ok(Outcome { status, seconds, peak_kb, stdout: text(stdout)?, stderr: text(stderr)? })
 }
 
@@ -532,8 +536,8 @@ mod tests {
 
     #[test]
     fn endings_look_through_compression() {
-        assert_eq!(ending(Path::new("a/b.PLY.gz")), "ply");
-        assert_eq!(ending(Path::new("README.md")), "md");
+        assert_eq!(extension(Path::new("a/b.PLY.gz")), "ply");
+        assert_eq!(extension(Path::new("README.md")), "md");
     }
 
     #[test]

@@ -1,7 +1,7 @@
-//! Files for distribution: the command, and the packages for other languages, with versions in step.
+//! Files for distribution: the command, and the packages for other languages, all with the same version.
 //!
-//! The same sources and tools give the same bytes: files are sorted by name, and all have the time of the last commit, or
-//! of `SOURCE_DATE_EPOCH`.
+//! The same sources and tools give the same bytes: files are sorted by name, and their time is `SOURCE_DATE_EPOCH`, or
+//! the time of the last commit.
 
 mod archive;
 mod command;
@@ -17,38 +17,38 @@ use sha2::{Digest as _, Sha256};
 
 use crate::root;
 
-/// The default time of files: the earliest that zip can represent.
+/// The default time of files: the earliest time that ZIP can represent.
 const EARLIEST_ZIP_TIME: u64 = 315_532_800;
 
-/// The parts, in the order in which they are made.
+/// The parts, in build order.
 const PARTS: [&str; 5] = ["command", "python", "c", "js", "blender"];
 
 /// Settings that all parts of one run share.
 struct Goal {
     /// The version of the workspace, which all parts have.
     version: String,
-    /// The platform to build for, as the compiler names it.
+    /// The target triple to build for.
     target: String,
-    /// The platform of this machine.
+    /// The target triple of this machine.
     host: String,
     /// The time stamp of all files, in seconds since 1970.
     time: u64,
 }
 
 impl Goal {
-    /// Returns the platform to build for unless it is this one.
+    /// Returns the target triple if it differs from the host.
     fn cross_target(&self) -> Option<&str> {
         (self.target != self.host).then_some(&*self.target)
     }
 }
 
-/// Makes the parts that are named, or all of them, and prints the path and the checksum of each.
+/// Builds the named parts, or all of them, and prints the path and the checksum of each.
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut folder, mut binary, mut target) = (None, None, None);
     let mut parts = Vec::new();
-    let mut words = args.iter();
-    while let Some(word) = words.next() {
-        let place = match word.as_str() {
+    let mut rest = args.iter();
+    while let Some(argument) = rest.next() {
+        let value = match argument.as_str() {
             "--out" => &mut folder,
             "--binary" => &mut binary,
             "--target" => &mut target,
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
                 PARTS.join("|")
             ),
         };
-        *place = Some(words.next().with_context(|| format!("{word} needs a value"))?);
+        *value = Some(rest.next().with_context(|| format!("{argument} needs a value"))?);
     }
     if parts.is_empty() {
         parts.extend(PARTS);
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         };
         ensure!(
             file.contains(&goal.version),
-            "{file} has another version than the workspace, {}",
+            "the version of {file} differs from the version of the workspace, {}",
             goal.version
         );
         write(&folder.join(&file), &bytes)?;
@@ -121,8 +121,8 @@ fn time() -> Result<u64> {
         return text.trim().parse().with_context(|| format!("SOURCE_DATE_EPOCH is {text}"));
     }
     let git = Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(root()).output();
-    let told = git.ok().and_then(|out| String::from_utf8(out.stdout).ok()?.trim().parse().ok());
-    Ok(told.unwrap_or(EARLIEST_ZIP_TIME))
+    let commit_time = git.ok().and_then(|out| String::from_utf8(out.stdout).ok()?.trim().parse().ok());
+    Ok(commit_time.unwrap_or(EARLIEST_ZIP_TIME))
 }
 
 #[cfg(test)]
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_in_step() {
+    fn all_packages_have_the_version_of_the_workspace() {
         // (The wheel and the C archive take theirs from the workspace.)
         for path in ["bindings/js/package.json", "bindings/blender/lodsmith_blender/blender_manifest.toml"] {
             let text = std::fs::read_to_string(root().join(path)).unwrap();

@@ -1,14 +1,13 @@
-//! Fault injection: the command on disks that fill up, with folders that are read-only or removed, killed
-//! runs, inputs that change while they are read, pipes that close.
+//! Fault injection: full disks, read-only or removed folders, killed runs, inputs that change while they are read, and
+//! pipes that close.
 //!
-//! Every fault is injected many times into runs of all commands that write. In every case:
+//! Every fault is injected many times into runs of all commands that write files. In every case:
 //! * an output has either its old content or the complete new content;
-//! * a run that fails prints one line and exits with status 1, and no run panics or dies from a signal of its
-//!   own;
+//! * a failing run prints one line and exits with status 1, and no run panics or crashes with a signal;
 //! * inputs are unchanged;
-//! * the next run into the same folder succeeds, and no temporary file is left after it.
+//! * the next run into the same folder succeeds and leaves no temporary file.
 //!
-//! Random moments come from fixed seeds, though the state of a run at such a moment depends on the machine.
+//! Random moments come from fixed seeds, but the state of a run at such a moment depends on the machine.
 
 mod changed;
 mod disk;
@@ -24,7 +23,7 @@ use tempfile::TempDir;
 use crate::release_command;
 use job::{Job, RunOutcome};
 
-/// Number of runs of a kill fault; `--quick` makes a tenth of them.
+/// Number of runs for each kill fault; `--quick` makes a tenth of them.
 const KILL_RUNS: usize = 200;
 
 /// The shared setup of all faults.
@@ -64,14 +63,14 @@ struct FaultRow {
     done: usize,
     failed: usize,
     ended: usize,
-    /// Temporary files that runs left behind and the next ones removed.
-    swept: usize,
-    breaches: Vec<String>,
+    /// Temporary files that runs left behind and the next runs removed.
+    removed: usize,
+    violations: Vec<String>,
 }
 
 impl FaultRow {
     fn new(fault: &'static str) -> Self {
-        Self { fault, runs: 0, done: 0, failed: 0, ended: 0, swept: 0, breaches: Vec::new() }
+        Self { fault, runs: 0, done: 0, failed: 0, ended: 0, removed: 0, violations: Vec::new() }
     }
 
     /// Counts the outcome of a run.
@@ -84,8 +83,8 @@ impl FaultRow {
         } += 1;
     }
 
-    fn breach(&mut self, job: &str, what: impl IntoIterator<Item = String>) {
-        self.breaches.extend(what.into_iter().map(|what| format!("{}: {job}: {what}", self.fault)));
+    fn add_violations(&mut self, job: &str, what: impl IntoIterator<Item = String>) {
+        self.violations.extend(what.into_iter().map(|what| format!("{}: {job}: {what}", self.fault)));
     }
 
     fn print(&self) {
@@ -96,8 +95,8 @@ impl FaultRow {
             self.done,
             self.failed,
             self.ended,
-            self.swept,
-            self.breaches.len()
+            self.removed,
+            self.violations.len()
         );
     }
 }
@@ -120,7 +119,7 @@ const FAULTS: &[(&str, Fault)] = &[
     ("kill-writing", kill::while_writing),
     ("term", kill::terminated),
     ("changed", changed::while_read),
-    ("cut-input", stream::cut_input),
+    ("cut-input", stream::truncated_input),
     ("closed-pipe", stream::closed_pipe),
     ("closed-pipe-text", stream::closed_pipe_of_text),
     ("full-device", stream::full_device),
@@ -130,13 +129,13 @@ const FAULTS: &[(&str, Fault)] = &[
 /// Injects every fault, prints the table, and fails if a check fails.
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut binary, mut only, mut share, mut is_strict) = (None::<PathBuf>, None::<&str>, 1000, false);
-    let mut words = args.iter();
-    while let Some(word) = words.next() {
-        match word.as_str() {
+    let mut rest = args.iter();
+    while let Some(argument) = rest.next() {
+        match argument.as_str() {
             "--quick" => share = 100,
             "--strict" => is_strict = true,
-            "--binary" => binary = Some(words.next().context("--binary needs a path")?.into()),
-            "--only" => only = Some(words.next().context("--only needs a name")?),
+            "--binary" => binary = Some(rest.next().context("--binary needs a path")?.into()),
+            "--only" => only = Some(rest.next().context("--only needs a name")?),
             other => bail!(
                 "no option {other}: cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]"
             ),
@@ -153,22 +152,22 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     std::fs::create_dir(&inputs)?;
     job::write_inputs(&program, &inputs)?;
     let jobs = job::all(&program, &inputs)?;
-    let ground = FaultSetup { program, folder, jobs, share };
-    let inputs = job::folder_content(&ground.inputs())?;
+    let setup = FaultSetup { program, folder, jobs, share };
+    let inputs = job::folder_content(&setup.inputs())?;
 
     println!(
-        "| fault | runs | done | failed with one line | ended from outside | temporary files left, then swept | breaches |"
+        "| fault | runs | done | failed with one line | killed | temporary files left, then removed | violations |"
     );
     println!("|---|--:|--:|--:|--:|--:|--:|");
-    let (mut breaches, mut skipped) = (Vec::new(), Vec::new());
+    let (mut violations, mut skipped) = (Vec::new(), Vec::new());
     for (_, fault) in FAULTS.iter().filter(|(name, _)| only.is_none_or(|only| only == *name)) {
-        match fault(&ground)? {
+        match fault(&setup)? {
             FaultResult::Done(mut row) => {
-                if job::folder_content(&ground.inputs())? != inputs {
-                    row.breach("all", ["an input is not as it was".to_owned()]);
+                if job::folder_content(&setup.inputs())? != inputs {
+                    row.add_violations("all", ["an input has changed".to_owned()]);
                 }
                 row.print();
-                breaches.append(&mut row.breaches);
+                violations.append(&mut row.violations);
             }
             FaultResult::Skipped(fault, why) => {
                 println!("| {fault} | SKIPPED | | | | | |");
@@ -177,13 +176,13 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         }
     }
     println!();
-    for line in skipped.iter().chain(&breaches) {
+    for line in skipped.iter().chain(&violations) {
         println!("{line}");
     }
-    ensure!(breaches.is_empty(), "{} breaches", breaches.len());
+    ensure!(violations.is_empty(), "{} violations", violations.len());
     ensure!(
         !is_strict || skipped.is_empty(),
-        "{} faults were not tried, and --strict asks for all",
+        "{} faults were skipped, and --strict requires all",
         skipped.len()
     );
     Ok(())
@@ -201,7 +200,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Returns a number below `end`, which is above zero.
+    /// Returns a number below `end`, which must be positive.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         (self.next() % end as u64) as usize
     }
@@ -226,17 +225,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn chance_is_the_same_from_the_same_seed_and_spread() {
+    fn random_numbers_are_reproducible_and_evenly_distributed() {
         let draw = |seed| {
-            let mut chance = Random(seed);
-            (0..1000).map(|_| chance.below(10)).collect::<Vec<_>>()
+            let mut random = Random(seed);
+            (0..1000).map(|_| random.below(10)).collect::<Vec<_>>()
         };
         assert_eq!(draw(7), draw(7));
         assert_ne!(draw(7), draw(8));
         for digit in 0..10 {
             assert!((60..150).contains(&draw(7).iter().filter(|&&d| d == digit).count()));
         }
-        let mut chance = Random(1);
-        assert!((0..1000).map(|_| chance.part()).all(|p| (0.0..1.0).contains(&p)));
+        let mut random = Random(1);
+        assert!((0..1000).map(|_| random.part()).all(|p| (0.0..1.0).contains(&p)));
     }
 }

@@ -1,5 +1,5 @@
 //! Developer tasks of the workspace.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints to its standard streams")]
 
 mod corpus;
 mod dist;
@@ -18,19 +18,19 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
 const HELP: &str = "\
-cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   Lodsmith beside its rivals (needs a C++ compiler)
-cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   every model under the folders through the release command; errors of larger ones are not measured
-cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   every method over every model that is not larger
-cargo xtask dist [--out FOLDER] [--target TRIPLE] [--binary FILE] [command|python|c|js|blender]...   what is given away: archives, wheel, packages
-cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   disks that fill up, kills, closed pipes: what the command leaves behind
+cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   compares Lodsmith with other libraries (needs a C++ compiler)
+cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   runs the release command on every model in the folders; does not measure errors of larger models
+cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   runs every method on every model of at most this size
+cargo xtask dist [--out FOLDER] [--target TRIPLE] [--binary FILE] [command|python|c|js|blender]...   builds the release files: archives, wheel, packages
+cargo xtask faults [--quick] [--strict] [--only NAME] [--binary FILE]   checks what the command leaves behind after full disks, kills, closed pipes
 cargo xtask map [CRATE|FOLDER]                             prints the source files as a tree, each with the first sentence of its head
-cargo xtask tidy                                           the rules of the house; also part of `cargo test`
-cargo xtask goldens [FILTER]                               writes the recorded answers of tests afresh and shows what changed
-cargo xtask walk [MODEL...] [--preset NAME]...             lighter and lighter, with every preset: fails where a heavier result is farther off
-cargo xtask seeds [--binary FILE]                          what fuzz targets begin with, into fuzz/corpus
-cargo xtask sample                                         makes the sample model of the README
+cargo xtask tidy                                           checks the rules of the repository; also part of `cargo test`
+cargo xtask goldens [FILTER]                               rewrites the recorded outputs of tests and lists the changed files
+cargo xtask walk [MODEL...] [--preset NAME]...             simplifies in steps with every preset; fails if a result with more triangles is less accurate
+cargo xtask seeds [--binary FILE]                          writes the initial corpus of the fuzz targets to fuzz/corpus
+cargo xtask sample                                         writes the sample model of the README
 cargo xtask web [FOLDER]                                   builds the viewer as a static page (default: target/web/page)
-cargo xtask pictures [finial|shadings|lod|viewer|methods|METHOD...]   draws the pictures of the README and of the pages
+cargo xtask pictures [finial|shadings|lod|viewer|methods|METHOD...]   renders the pictures of the README and of docs
 ";
 
 fn main() -> ExitCode {
@@ -87,7 +87,7 @@ const BENCHES: &[&str] = &[
 
 /// Returns the root folder of the workspace.
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the workspace")
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is in a folder of the workspace")
 }
 
 /// Returns a cargo command in the root folder of the workspace.
@@ -118,7 +118,7 @@ fn succeed(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-/// Returns the folder of shared test models, if it is beside the checkout.
+/// Returns the folder of shared test models, if it exists next to the checkout.
 fn shared_models() -> Option<PathBuf> {
     let folder = root().join("../shared/models");
     folder.is_dir().then_some(folder)
@@ -138,13 +138,13 @@ fn bench(args: &[String]) -> Result<()> {
     for &name in names {
         let mut command = cargo();
         command.args(["run", "--quiet", "--release", "--package", "lodsmith-bench", "--bin", name, "--"]);
-        // Options of `all` apply to the table only.
+        // With `all`, the options apply only to `rivals`.
         if which != "all" || name == "rivals" {
-            command.args(rest.iter().map(|word| from_here(word)));
+            command.args(rest.iter().map(|argument| absolute_path(argument)));
         }
-        if name == "rivals" && !names_a_place(rest) {
+        if name == "rivals" && !has_paths(rest) {
             let Some(models) = shared_models() else {
-                bail!("no models: name files or folders (../shared/models is not there)");
+                bail!("no models: name files or folders (../shared/models does not exist)");
             };
             command.arg("--models").arg(models);
         }
@@ -153,32 +153,32 @@ fn bench(args: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// Returns true if there are files or folders among the options of the table.
-fn names_a_place(args: &[String]) -> bool {
-    let mut words = args.iter();
-    while let Some(word) = words.next() {
-        match word.as_str() {
+/// Returns whether the arguments of `rivals` name files or folders.
+fn has_paths(args: &[String]) -> bool {
+    let mut rest = args.iter();
+    while let Some(argument) = rest.next() {
+        match argument.as_str() {
             "--models" => return true,
             "--only" | "--targets" | "--orders" | "--clock" | "--reps" | "--samples" | "--json" => {
-                _ = words.next()
+                _ = rest.next()
             }
-            word if !word.starts_with('-') => return true,
+            path if !path.starts_with('-') => return true,
             _ => {}
         }
     }
     false
 }
 
-/// Makes an existing path absolute, so that it is also valid in the root folder of the workspace.
-fn from_here(word: &str) -> PathBuf {
-    std::path::absolute(word).ok().filter(|p| !word.is_empty() && p.exists()).unwrap_or_else(|| word.into())
+/// Returns an existing path as an absolute one, so that it is valid in any working directory.
+fn absolute_path(path: &str) -> PathBuf {
+    std::path::absolute(path).ok().filter(|p| !path.is_empty() && p.exists()).unwrap_or_else(|| path.into())
 }
 
 fn goldens(args: &[String]) -> Result<()> {
     let filter = args.first().map_or("golden", String::as_str);
     let mut tests = cargo();
     tests.args(["test", "--quiet", filter]);
-    // The first variable updates our own recorded outputs, the second those of the insta crate.
+    // The first variable updates the recorded outputs of this project, the second the snapshots of insta.
     succeed(tests.env("LODSMITH_GOLDENS", "write").env("INSTA_UPDATE", "always"))?;
     succeed(Command::new("git").args(["status", "--short"]).current_dir(root()))
 }
@@ -204,10 +204,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_are_told_from_values() {
-        let places = |args: &[&str]| names_a_place(&args.iter().map(|&a| a.to_owned()).collect::<Vec<_>>());
-        assert!(!places(&["--quick", "--only", "bunny", "--targets", "10%"]));
-        assert!(places(&["--quick", "a.ply"]));
-        assert!(places(&["--models", "folder"]));
+    fn paths_are_distinguished_from_option_values() {
+        let found = |args: &[&str]| has_paths(&args.iter().map(|&a| a.to_owned()).collect::<Vec<_>>());
+        assert!(!found(&["--quick", "--only", "bunny", "--targets", "10%"]));
+        assert!(found(&["--quick", "a.ply"]));
+        assert!(found(&["--models", "folder"]));
     }
 }

@@ -5,11 +5,11 @@ use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{from_here, tidy};
+use crate::{absolute_path, tidy};
 
-/// Columns of a line of the map: most terminals and the sources have as many.
+/// Maximum columns of a line of the map, as in the sources.
 const COLUMNS: usize = 120;
-/// Most characters of the first sentence of a head: about two lines of the map (guessed).
+/// Maximum characters of the first sentence of a head: about two lines of the map (guessed).
 const SENTENCE_MAX: usize = 200;
 
 /// Prints the map of all sources, or of one crate, folder or file.
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         None => &tree,
         Some(name) => tree
             .of_crate(name)
-            .or_else(|| tree.at(&tidy::shown(&from_here(name))))
+            .or_else(|| tree.at(&tidy::shown(&absolute_path(name))))
             .with_context(|| format!("the map has no crate, folder or file called {name}"))?,
     };
     // A reader such as `head` may close the pipe before the end.
@@ -48,7 +48,7 @@ fn sentence(text: &str) -> Option<String> {
     (!paragraph.is_empty()).then(|| paragraph[..end].to_owned())
 }
 
-/// Returns why the head of a file does not serve as its entry in the map.
+/// Returns the reason if the head of a file cannot be its entry in the map.
 pub(crate) fn fault(text: &str) -> Option<String> {
     let Some(sentence) = sentence(text) else { return Some("does not begin with a head (`//! …`)".into()) };
     let count = sentence.chars().count();
@@ -57,7 +57,7 @@ pub(crate) fn fault(text: &str) -> Option<String> {
     } else if sentence.starts_with(char::is_lowercase) {
         Some("has a head that does not begin with a capital letter".into())
     } else if sentence.contains("](") {
-        Some("has a link in the first sentence of its head, which the map would print as it is".into())
+        Some("has a link in the first sentence of its head, which the map would print unresolved".into())
     } else if count > SENTENCE_MAX {
         Some(format!("has {count} characters in the first sentence of its head, of at most {SENTENCE_MAX}"))
     } else {
@@ -99,7 +99,7 @@ impl Node {
         let node = match (name, folder.strip_suffix("/src")) {
             ("mod.rs", _) => self.below(folder),
             ("lib.rs", Some(package)) => self.below(package),
-            // Only where there is no library, the program is what the package is.
+            // The program stands for the package only if there is no library.
             ("main.rs", Some(package)) if self.below(package).entry.is_empty() => self.below(package),
             _ => self.below(path),
         };
@@ -160,9 +160,9 @@ impl Node {
         map
     }
 
-    /// Adds the rows of this node and of those below it: the indented name, and the entry.
+    /// Adds the rows of this node and its descendants: the indented name, and the entry.
     fn rows<'a>(&'a self, indent: &str, rows: &mut Vec<(String, &'a str)>) {
-        // The root has no name: it has no row, and what lies in it is not indented.
+        // The root has no name: it has no row, and its children are not indented.
         let mut below = indent.to_owned();
         if !self.name.is_empty() {
             let package = self.package.as_ref().map(|package| format!(" ({package})")).unwrap_or_default();
@@ -179,7 +179,7 @@ impl Node {
 mod tests {
     use super::*;
 
-    /// Two packages: a library with a module that has files of its own, and a program.
+    /// Two packages: a library with a module in several files, and a program.
     fn tree() -> Node {
         let long = format!("//! {} end.\n", ["word"; 30].join(" "));
         let files = [
@@ -227,7 +227,7 @@ tool/ (tool)      A tool
         assert_eq!(name(tree.of_crate("roll")), None);
         assert_eq!(name(tree.at("crates/ball/src/")).as_deref(), Some("src/"));
         assert_eq!(name(tree.at("crates/ball/src/gone")), None);
-        // A module and the folder of its files are one.
+        // A module and the folder of its files are one node.
         let part = "roll.rs     Rolling\n  slope.rs  Slopes, as in [Doe et al. 1998]\n";
         for path in ["crates/ball/src/roll", "crates/ball/src/roll.rs"] {
             assert_eq!(tree.at(path).map(Node::map).as_deref(), Some(part));
@@ -235,7 +235,7 @@ tool/ (tool)      A tool
     }
 
     #[test]
-    fn heads_that_do_not_serve_are_found() {
+    fn unusable_heads_are_found() {
         assert_eq!(fault("//! One ball.\n"), None);
         assert_eq!(fault("//! `ball`, and more.\n//!\n//! No full stop here\n"), None);
         let long = format!("//! {}.\n", "W".repeat(SENTENCE_MAX));

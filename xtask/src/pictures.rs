@@ -1,6 +1,6 @@
-//! Renders the pictures of the sample model: at falling face counts for the README, as a chain of levels, by
-//! each method at one count, in every shading. Rendered on the CPU: the same everywhere, no driver needed. The
-//! screenshots of the viewer need a graphics adapter; one in software suffices.
+//! Renders the pictures of the sample model: at decreasing face counts for the README, as a chain of levels, with each
+//! method at one count, and in every shading. They are rendered on the CPU: the same everywhere, without a driver. The
+//! screenshots of the viewer need a graphics adapter; a software renderer suffices.
 
 mod palette;
 mod viewer;
@@ -30,14 +30,13 @@ const LOD: &str = "docs/pictures/lod.png";
 const LEVELS: usize = 6;
 /// The folder for the pictures of methods.
 const METHODS: &str = "docs/pictures/methods";
-/// Face count of these: few enough to see each face, enough for the shape.
+/// Face count of the pictures of methods: few enough to see each face, enough for the shape.
 const METHOD_COUNT: usize = 1500;
-/// Face counts of the panels after the first, which is the whole model.
+/// Face counts of the panels after the first, which shows the original.
 const COUNTS: [usize; 6] = [5000, 2500, 1500, 750, 300, 100];
 /// Face count of the simplified model in the heat map.
 const HEAT_COUNT: usize = 750;
-/// Palette size of pictures that show one surface: a third of the full size, without visible difference. (By
-/// eye.)
+/// Palette size of pictures that show one surface: a third of the file size, without visible difference (by eye).
 const PALETTE_SIZE: usize = 256;
 
 /// Pixels of a panel.
@@ -47,12 +46,11 @@ const SMALL_PANEL: [usize; 2] = [152, 268];
 /// A neutral background, lighter towards the ground.
 const BACKGROUND: Background = Background::Gradient([0.135, 0.160, 0.190], [0.270, 0.300, 0.335]);
 
-/// Makes the named pictures: all without a name, `finial`, `shadings`, `lod`, `viewer`, `methods`, or single
-/// methods.
+/// Makes the named pictures (`finial`, `shadings`, `lod`, `viewer`, `methods`, or single methods), or all of them.
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let sample = sample::finial();
     let triangles = sample.triangles.iter().map(|t| t.map(|v| VertexId(v.into()))).collect();
-    let whole = TriMesh::new(Positions::F32(sample.positions), triangles)?;
+    let original = TriMesh::new(Positions::F32(sample.positions), triangles)?;
     let is_named = |name: &str| names.is_empty() || names.iter().any(|n| n == name);
     let known = |name: &&String| {
         ["finial", "shadings", "lod", "viewer", "methods"].contains(&name.as_str()) || method(name).is_some()
@@ -61,20 +59,20 @@ pub(crate) fn run(names: &[String]) -> Result<()> {
         bail!("no picture {name}: finial, shadings, lod, viewer, methods, or the name of a method");
     }
     if is_named("finial") {
-        finial(&whole)?;
+        finial(&original)?;
     }
     if is_named("shadings") {
-        shadings(&whole)?;
+        shadings(&original)?;
     }
     if is_named("lod") {
-        levels(&whole)?;
+        levels(&original)?;
     }
     if is_named("viewer") {
         viewer::run()?;
     }
     let all = is_named("methods");
     for method in MethodKind::ALL.into_iter().filter(|m| all || is_named(m.name())) {
-        of_method(&whole, method)?;
+        method_picture(&original, method)?;
     }
     Ok(())
 }
@@ -84,10 +82,10 @@ fn method(name: &str) -> Option<MethodKind> {
 }
 
 /// Renders the picture of the README.
-fn finial(whole: &TriMesh) -> Result<()> {
-    let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
+fn finial(original: &TriMesh) -> Result<()> {
+    let mut panels = vec![panel(original, vec!["original".to_owned()])?];
     for count in COUNTS {
-        let (mesh, below) = simplified(whole, MethodKind::default(), count)?;
+        let (mesh, below) = simplified(original, MethodKind::default(), count)?;
         panels.push(panel(&mesh, vec![below])?);
     }
     write(&sheet(&panels, panels.len(), BACKGROUND, None), FINIAL)?;
@@ -95,13 +93,13 @@ fn finial(whole: &TriMesh) -> Result<()> {
     Ok(())
 }
 
-/// Renders the levels that `lodsmith lod` makes, each with its switching distance.
-fn levels(whole: &TriMesh) -> Result<()> {
+/// Renders the levels of `lodsmith lod`, each with its switching distance.
+fn levels(original: &TriMesh) -> Result<()> {
     let mut options = LodOptions::new(Levels::Steps { count: LEVELS, factor: 0.5 });
     options.simplify.measure = Measure::Always;
-    let chain = lod(whole, &options)?;
+    let chain = lod(original, &options)?;
     let screen = Screen::default();
-    let mut panels = vec![panel(whole, vec!["original".to_owned()])?];
+    let mut panels = vec![panel(original, vec!["original".to_owned()])?];
     for level in &chain.levels {
         let error = error_of(&level.report);
         let share = 100.0 * error / level.report.error.diagonal;
@@ -116,21 +114,21 @@ fn levels(whole: &TriMesh) -> Result<()> {
 }
 
 /// Renders the picture of a method.
-fn of_method(whole: &TriMesh, method: MethodKind) -> Result<()> {
-    let (mesh, below) = simplified(whole, method, METHOD_COUNT).with_context(|| method.name())?;
+fn method_picture(original: &TriMesh, method: MethodKind) -> Result<()> {
+    let (mesh, below) = simplified(original, method, METHOD_COUNT).with_context(|| method.name())?;
     let panel = panel(&mesh, vec![below])?;
     println!("{}", panel.caption.join("  "));
     write(&sheet(&[panel], 1, BACKGROUND, None), &format!("{METHODS}/{}.png", method.name()))
 }
 
-/// Renders one model in every shading, with a legend for the last.
-fn shadings(whole: &TriMesh) -> Result<()> {
-    let (lighter, _) = simplified(whole, MethodKind::default(), HEAT_COUNT)?;
-    let distances = vertex_distances(&lighter.surface(), &Prepared::new(&whole.surface())?);
+/// Renders one model in every shading, with a legend for the heat map.
+fn shadings(original: &TriMesh) -> Result<()> {
+    let (lighter, _) = simplified(original, MethodKind::default(), HEAT_COUNT)?;
+    let distances = vertex_distances(&lighter.surface(), &Prepared::new(&original.surface())?);
     let distances: Vec<f32> = distances.into_iter().map(|d| d as f32).collect();
     let hot = Subject::of_mesh(lighter)?.with_values(vec![distances])?;
     let range = hot.heat_range(None);
-    let (colored, glazed) = (Subject::of_mesh(colored(whole)?)?, Subject::new(&glazed(whole)?)?);
+    let (colored, glazed) = (Subject::of_mesh(colored(original)?)?, Subject::new(&glazed(original)?)?);
     let mut panels = Vec::new();
     for shading in Shading::ALL {
         let subject = match shading {
@@ -158,27 +156,27 @@ fn relative_heights(mesh: &TriMesh) -> Result<Vec<f32>> {
 }
 
 /// Returns the sample with colours by height.
-fn colored(whole: &TriMesh) -> Result<TriMesh> {
+fn colored(original: &TriMesh) -> Result<TriMesh> {
     let color = |height: f32| {
         let [r, g, b] = ColorMap::Viridis.color(height);
         [r, g, b, 1.0]
     };
-    let mut mesh = whole.clone();
-    mesh.set_colors(Some(relative_heights(whole)?.into_iter().map(color).collect()))?;
+    let mut mesh = original.clone();
+    mesh.set_colors(Some(relative_heights(original)?.into_iter().map(color).collect()))?;
     Ok(mesh)
 }
 
-/// Returns the sample with a texture wrapped round it.
-fn glazed(whole: &TriMesh) -> Result<Model> {
-    // A mirrored texture has no seam where the turn closes.
+/// Returns the sample with a texture wrapped around it.
+fn glazed(original: &TriMesh) -> Result<Model> {
+    // A mirrored texture has no seam after a full turn.
     let turn = |p: [f64; 3]| (p[0].atan2(p[2]) / std::f64::consts::PI) as f32;
-    let places = whole.positions().view();
-    let uvs = places
+    let positions = original.positions().view();
+    let uvs = positions
         .iter()
-        .zip(relative_heights(whole)?)
+        .zip(relative_heights(original)?)
         .map(|(p, height)| [turn(p) * 4.0, height * 8.0])
         .collect();
-    let mut mesh = whole.clone();
+    let mut mesh = original.clone();
     mesh.set_uvs(Some(uvs))?;
     let sampler = Sampler { wrap_u: Wrap::Mirror, ..Sampler::default() };
     let texture = TextureRef { image: 0, uv_set: 0, transform: TextureRef::PLAIN, sampler };
@@ -211,11 +209,11 @@ fn glaze() -> Image {
 }
 
 /// Returns a simplified mesh, and its maximum distance as text.
-fn simplified(whole: &TriMesh, method: MethodKind, faces: usize) -> Result<(TriMesh, String)> {
+fn simplified(original: &TriMesh, method: MethodKind, faces: usize) -> Result<(TriMesh, String)> {
     let mut options = SimplifyOptions::new(Stop::faces(faces));
     options.method = method.into();
     options.measure = Measure::Always;
-    let done = lodsmith::simplify(whole, &options)?;
+    let done = lodsmith::simplify(original, &options)?;
     let error = &done.report.error;
     let measured = error.measured.as_ref().context("the result was not measured")?;
     let below = format!("max {} %", two_digits(100.0 * measured.hausdorff.symmetric / error.diagonal));
@@ -234,7 +232,7 @@ fn panel(mesh: &TriMesh, below: Vec<String>) -> Result<Panel> {
     Ok(Panel { picture, caption })
 }
 
-/// Returns the view of all pictures: a warm light from the upper left, a cool one from behind on the right.
+/// Returns the view of all pictures: a warm light from the upper left, and a cool light from behind on the right.
 fn view([width, height]: [usize; 2]) -> View {
     let target = DVec3::new(0.0, 1.31, 0.0);
     let (sin, cos) = 16f64.to_radians().sin_cos();
@@ -281,7 +279,7 @@ fn two_digits(x: f64) -> String {
     format!("{x:.places$}")
 }
 
-/// Returns the colours of an opaque picture. Rounded to even numbers: a sixth smaller, without visible
+/// Returns the colours of an opaque picture, rounded to even numbers: a file smaller by a sixth, without visible
 /// difference.
 fn opaque(picture: &Image) -> Vec<[u8; 3]> {
     picture.pixels().iter().map(|&[r, g, b, _]| [r, g, b].map(|c| c & !1)).collect()
@@ -318,9 +316,9 @@ fn encoder<'a>(picture: &Image, bytes: &'a mut Vec<u8>) -> png::Encoder<'a, &'a 
 }
 
 fn put(picture: &Image, bytes: &[u8], path: &str) -> Result<()> {
-    let place = root().join(path);
-    std::fs::create_dir_all(place.parent().context("the picture lies in a folder")?)?;
-    std::fs::write(&place, bytes).with_context(|| format!("writing {path}"))?;
+    let file = root().join(path);
+    std::fs::create_dir_all(file.parent().context("the picture has no folder")?)?;
+    std::fs::write(&file, bytes).with_context(|| format!("writing {path}"))?;
     println!("{path}: {} × {} pixels, {} bytes", picture.width(), picture.height(), bytes.len());
     Ok(())
 }
@@ -330,14 +328,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_known_is_drawn() {
+    fn unknown_pictures_are_refused() {
         let error = run(&["magic".to_owned()]).unwrap_err().to_string();
         assert!(error.contains("no picture magic"), "{error}");
         assert_eq!(method("remesh"), Some(MethodKind::Remesh));
     }
 
     #[test]
-    fn figures_have_two_digits_that_say_something() {
+    fn figures_have_two_significant_digits() {
         assert_eq!([0.0312, 0.312, 3.12, 31.2].map(two_digits), ["0.031", "0.31", "3.1", "31"]);
         assert_eq!([100, 16_192].map(grouped), ["100", "16,192"]);
     }

@@ -1,18 +1,17 @@
-//! The sample model of the README: a turned finial computed by formula, free to distribute.
+//! The sample model of the README: a turned finial, computed from formulas and free to distribute.
 //!
 //! A stepped foot with crisp edges, a concave stem, a bead, an onion of eight twisted lobes that meet in
 //! sharp valleys, a collar and a ball: smooth and sharp, flat and round in one closed surface.
 
 use std::f64::consts::{PI, TAU};
 
-/// The path of its file from the root of the repository.
+/// The path of the file from the root of the repository.
 pub(crate) const PATH: &str = "testdata/finial.ply";
-/// A copy of the file for the window, within the folder of its crate: a published crate includes only its own
-/// folder.
+/// A copy of the file in the folder of the viewer: a published crate can include only files of its own folder.
 pub(crate) const PATH_IN_VIEWER: &str = "crates/viewer/assets/finial.ply";
 
 const LOBES: usize = 8;
-/// Number of columns; valleys lie on columns, which follow the twist, so they stay sharp.
+/// Number of columns. Valleys stay sharp because they lie on columns, which follow the twist.
 const COLUMNS: usize = LOBES * 11;
 
 /// A closed surface in single precision.
@@ -76,40 +75,39 @@ fn outline() -> Vec<Ring> {
     }
     let twist = 2.2;
     let mut plain = |radius, height| rings.push(Ring { radius, height, depth: 0.0, twist });
-    // A collar, and the ball up to its pole.
+    // A collar, and the ball up to just below its pole.
     plain(0.19, 2.35);
     plain(0.19, 2.39);
     plain(0.10, 2.39);
-    let (ball, centre, begin) = (0.17, 2.53, (0.10f64 / 0.17).asin());
+    let (ball, centre, start) = (0.17, 2.53, (0.10f64 / 0.17).asin());
     for t in span(13).filter(|&t| t < 1.0) {
-        let a = begin + (PI - begin) * t;
+        let a = start + (PI - start) * t;
         plain(ball * a.sin(), centre - ball * a.cos());
     }
     rings
 }
 
-/// Builds the sample. Coordinates are multiples of 1/4096, so that the last bits of the system's sine do not
-/// matter.
+/// Builds the sample. Coordinates are multiples of 1/4096, so that the last bits of the system's sine do not matter.
 pub(crate) fn finial() -> Sample {
     let round = |x: f64| ((x * 4096.0).round() / 4096.0) as f32;
     let rings = outline();
     let mut sample = Sample::default();
-    let mut place = |x: f64, y: f64, z: f64| {
+    let mut add_vertex = |x: f64, y: f64, z: f64| {
         sample.positions.push([round(x), round(y), round(z)]);
         (sample.positions.len() - 1) as u16
     };
-    let bottom = place(0.0, 0.0, 0.0);
+    let bottom = add_vertex(0.0, 0.0, 0.0);
     let mut ids: Vec<Vec<u16>> = Vec::new();
     for ring in &rings {
         let column = |c: usize| {
             let across = (c * LOBES % COLUMNS) as f64 / COLUMNS as f64;
             let radius = ring.radius * (1.0 - ring.depth * (1.0 - (PI * across).sin()));
             let a = c as f64 / COLUMNS as f64 * TAU + ring.twist;
-            place(radius * a.cos(), ring.height, -radius * a.sin())
+            add_vertex(radius * a.cos(), ring.height, -radius * a.sin())
         };
         ids.push((0..COLUMNS).map(column).collect());
     }
-    let top = place(0.0, 2.70, 0.0);
+    let top = add_vertex(0.0, 2.70, 0.0);
 
     let distance_sq = |a: u16, b: u16| {
         let (a, b) = (sample.positions[usize::from(a)], sample.positions[usize::from(b)]);
@@ -134,8 +132,7 @@ pub(crate) fn finial() -> Sample {
     sample
 }
 
-/// Encodes the sample as binary PLY, little endian, with 16-bit indices: small, and readable by every PLY
-/// reader.
+/// Encodes the sample as binary PLY, little endian, with 16-bit indices: small, and readable by every PLY reader.
 pub(crate) fn ply(sample: &Sample) -> Vec<u8> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment CC0: made by `cargo xtask sample`\n\
@@ -159,7 +156,7 @@ mod tests {
     use std::collections::HashMap;
 
     #[test]
-    fn the_file_is_what_the_formula_makes() {
+    fn the_files_match_the_formulas() {
         for path in [PATH, PATH_IN_VIEWER] {
             let file = std::fs::read(crate::root().join(path)).unwrap();
             assert!(file == ply(&finial()), "{path}: run `cargo xtask sample`");
@@ -167,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_closed_and_wound_one_way() {
+    fn the_sample_is_closed_and_oriented() {
         let sample = finial();
         let mut sides = HashMap::new();
         for t in &sample.triangles {
@@ -190,9 +187,9 @@ mod tests {
             })
             .sum();
         assert!(volume > 0.0);
-        let mut places: Vec<_> = sample.positions.iter().map(|p| p.map(f32::to_bits)).collect();
-        places.sort_unstable();
-        places.dedup();
-        assert_eq!(places.len(), sample.positions.len(), "no two vertices share a place");
+        let mut positions: Vec<_> = sample.positions.iter().map(|p| p.map(f32::to_bits)).collect();
+        positions.sort_unstable();
+        positions.dedup();
+        assert_eq!(positions.len(), sample.positions.len(), "no two vertices have equal positions");
     }
 }

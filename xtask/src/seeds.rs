@@ -1,6 +1,6 @@
-//! Initial corpus of the fuzz targets, in addition to the files in `fuzz/seeds`. It has small shapes in every
-//! format that the command writes, sessions and layouts of the viewer, the small files of `testdata`, and
-//! random bytes for the targets that make soups of them.
+//! The initial corpus of the fuzz targets, in addition to the files in `fuzz/seeds`. It has small shapes in every
+//! format that the command writes, sessions and layouts of the viewer, the small files of `testdata`, and random bytes
+//! for the targets that build triangle soups.
 
 use std::fmt::Write as _;
 use std::io::{Read as _, Write as _};
@@ -23,22 +23,22 @@ use lodsmith_viewer::stage::{Placement, Stage};
 use crate::faults::Random;
 use crate::{release_command, root};
 
-/// Larger files only slow the fuzzing down.
+/// Maximum size of a seed: larger files slow fuzzing down.
 const MAX_SEED_BYTES: u64 = 8192;
-/// Targets that make meshes out of any bytes.
+/// Targets that build meshes from arbitrary bytes.
 const SOUPS: [&str; 6] =
     ["simplify_soup", "clean_soup", "compare_soup", "progressive_soup", "index_calls", "write"];
-/// Number of random files for each of them.
+/// Number of random files for each of these targets.
 const RANDOM_FILES: usize = 16;
 
-/// Returns an LPM file with its streams stored without compression, so that a changed byte is a changed number.
-/// Checksums stay wrong: the target corrects them.
-fn stored(file: &[u8]) -> Result<Vec<u8>> {
-    let (magic, mut rest) = file.split_at_checked(8).context("a file without its magic")?;
+/// Returns an LPM file with uncompressed streams, so that a changed byte is a changed number. The checksums are wrong:
+/// the target corrects them.
+fn uncompressed(file: &[u8]) -> Result<Vec<u8>> {
+    let (magic, mut rest) = file.split_at_checked(8).context("the magic number is missing")?;
     let mut out = magic.to_vec();
-    while let Some((length, behind)) = rest.split_first_chunk() {
+    while let Some((length, tail)) = rest.split_first_chunk() {
         let length = u32::from_le_bytes(*length) as usize;
-        let (chunk, behind) = behind.split_at_checked(length + 8).context("a chunk is cut")?;
+        let (chunk, tail) = tail.split_at_checked(length + 8).context("a chunk is truncated")?;
         let (kind, content) = chunk[..length + 4].split_at(4);
         let front = match kind {
             b"BASE" | b"ORIG" => 0,
@@ -56,7 +56,7 @@ fn stored(file: &[u8]) -> Result<Vec<u8>> {
         }
         out.extend((new.len() as u32).to_le_bytes());
         out.extend([kind, &new, &[0; 4]].concat());
-        rest = behind;
+        rest = tail;
     }
     Ok(out)
 }
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
     for (name, mesh) in small_shapes() {
         let input = inputs.path().join(format!("{name}.obj"));
         std::fs::write(&input, obj(&mesh))?;
-        for (target, ending, more) in [
+        for (target, extension, more) in [
             ("read_obj", "obj", &[][..]),
             ("read_off", "off", &[]),
             ("read_ply", "ply", &[]),
@@ -89,31 +89,31 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
             ("read_gltf", "glb", &[]),
             ("read_three_mf", "3mf", &[]),
         ] {
-            let out = folder(target)?.join(format!("{name}.{ending}"));
+            let out = folder(target)?.join(format!("{name}.{extension}"));
             call(Command::new(&program).arg("convert").args([&input, &out]).args(more))?;
         }
         let out = folder("read_lpm")?.join(format!("{name}.lpm"));
         call(Command::new(&program).args(["progressive", "build"]).arg(&input).arg("-o").arg(&out))?;
-        std::fs::write(&out, stored(&std::fs::read(&out)?)?)?;
+        std::fs::write(&out, uncompressed(&std::fs::read(&out)?)?)?;
     }
     let targets = [("glb", "read_gltf"), ("3mf", "read_three_mf"), ("dae", "read_dae"), ("fbx", "read_fbx")];
     for entry in std::fs::read_dir(root().join("testdata"))? {
         let entry = entry?;
         let name = entry.file_name();
-        let ending = Path::new(&name).extension().unwrap_or_default();
-        if let Some((_, target)) = targets.iter().find(|(e, _)| ending == *e)
+        let extension = Path::new(&name).extension().unwrap_or_default();
+        if let Some((_, target)) = targets.iter().find(|(e, _)| extension == *e)
             && entry.metadata()?.len() <= MAX_SEED_BYTES
         {
             std::fs::copy(entry.path(), folder(target)?.join(&name))?;
         }
     }
     sessions(&folder("read_session")?)?;
-    let mut chance = Random(47);
+    let mut random = Random(47);
     for target in SOUPS {
         for number in 0..RANDOM_FILES {
             let length = 64 << (number % 4);
-            let bytes: Vec<u8> = (0..length).map(|_| chance.below(256) as u8).collect();
-            std::fs::write(folder(target)?.join(format!("chance{number:02}")), bytes)?;
+            let bytes: Vec<u8> = (0..length).map(|_| random.below(256) as u8).collect();
+            std::fs::write(folder(target)?.join(format!("random{number:02}")), bytes)?;
         }
     }
     println!("{}", corpus.display());
@@ -128,7 +128,7 @@ fn sessions(folder: &Path) -> Result<()> {
         let mut settings = Settings { files: vec![folder.join("a.glb")], ..Settings::default() };
         settings.simplify.options.stop = Stop::faces(number + 1);
         settings.simplify.options.method = method.into();
-        // One session has everything that a session can hold, the others are short.
+        // One session has all parts of a session; the others are short.
         if method == MethodKind::Memoryless {
             settings.stage = stage.clone();
             settings.look.backdrop = Backdrop::Color([0.1, 0.2, 0.3]);
@@ -147,7 +147,7 @@ fn pose() -> Pose {
     Pose { eye: [3.0, 2.0, 1.0], target: [0.0; 3], up: [0.0, 1.0, 0.0], fov_y_rad: 0.6 }
 }
 
-/// Returns a stage with two copies, one of which moves, as the camera does.
+/// Returns a stage with two copies; one of them and the camera move.
 fn stage() -> Stage {
     let mut tracks = Tracks { length_secs: Some(8.0), ..Tracks::default() };
     let stand = CameraPlacement { x: 1.0, y: 2.0, z: 3.0, yaw_deg: 10.0, pitch_deg: -5.0, distance: 4.0 };
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_target_has_a_row_in_the_gate_and_seeds_are_small() {
+    fn each_target_is_run_in_ci_and_seeds_are_small() {
         let manifest = std::fs::read_to_string(root().join("fuzz/Cargo.toml")).unwrap();
         let targets: Vec<&str> =
             manifest.lines().filter_map(|l| l.strip_prefix("path = \"fuzz_targets/")).collect();
@@ -226,7 +226,7 @@ mod tests {
         }
     }
     #[test]
-    fn sessions_among_the_seeds_are_sessions_and_small() {
+    fn session_seeds_are_readable_and_small() {
         let folder = tempfile::tempdir().unwrap();
         sessions(folder.path()).unwrap();
         let mut opened = 0;

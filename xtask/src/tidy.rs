@@ -1,6 +1,5 @@
-//! Repository rules that the compiler does not check: dependencies between packages, forbidden words in
-//! sources, files in the tree. Each is a test here, so `cargo test` checks them all; `cargo xtask tidy`
-//! prints them all at once.
+//! Repository rules that the compiler does not check: dependencies between packages, forbidden words in sources, files
+//! in the tree. Each rule is a test, so `cargo test` checks them all; `cargo xtask tidy` prints them all at once.
 
 mod cycles;
 mod float_functions;
@@ -16,8 +15,7 @@ use serde_json::Value;
 
 use crate::{cargo, map, root};
 
-/// A package, the packages of this workspace that it may use, and crates that it must never depend on, even
-/// indirectly.
+/// A package, the packages of this workspace that it may use, and crates that it must not depend on, even indirectly.
 struct PackageRule {
     package: &'static str,
     /// Its folder, from the root.
@@ -26,9 +24,9 @@ struct PackageRule {
     never: &'static [&'static str],
 }
 
-/// Windowing, graphics drivers and crates on top of them.
+/// Crates for windows and graphics drivers, and crates on top of them.
 const GPU: &[&str] = &["wgpu", "winit", "egui", "eframe", "glow", "ash"];
-/// Files, clocks, logs, arguments, which belong to the caller; and file formats, which need files.
+/// Crates for files, clocks, logs and arguments, which belong to the caller, and for file formats, which need files.
 const CALLER_OWNED_CRATES: &[&str] = &[
     "tempfile",
     "walkdir",
@@ -108,7 +106,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
             "lodsmith-bake",
             "lodsmith-asset",
         ],
-        // (The lock file has tokio for windows in browsers, which is never built here.)
+        // (Not tokio: the lock file has it for windows in browsers, where it is not built.)
         never: &["clap"],
     },
     PackageRule {
@@ -119,8 +117,7 @@ const PACKAGE_RULES: &[PackageRule] = &[
     },
 ];
 
-/// Words that sources of a folder must not contain, and the reason. Strings are not distinguished from code:
-/// the words are rare.
+/// Words that the sources of some folders must not contain, and the reason. Strings count as code: the words are rare.
 struct ForbiddenWords {
     folders: &'static [&'static str],
     words: &'static [&'static str],
@@ -151,27 +148,27 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
             "std::path",
             "ThreadPoolBuilder",
         ],
-        why: "core, simplify and bake know no file, environment, clock or thread pool: the caller has them",
+        why: "core, lodsmith and bake use no files, environment, clocks or thread pools: these belong to the caller",
     },
     ForbiddenWords {
         folders: &["crates/viewer/src"],
         words: &["std::time::Instant", "std::time::{Duration, Instant", "std::time::SystemTime::now"],
-        why: "a browser has no such clock: web_time has one",
+        why: "a browser has no such clock: use web_time",
     },
     ForbiddenWords {
         folders: &["crates", "bench", "xtask", "fuzz"],
         words: &["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code"],
-        why: "only bindings/c, whose caller has pointers, may be unsafe",
+        why: "only bindings/c, which takes pointers, may be unsafe",
     },
     ForbiddenWords {
         folders: &["bindings/c/src"],
         words: &["eprintln!", "eprint!", "dbg!", "std::fs", "std::net"],
-        why: "the C interface uses the caller's memory; for files there is lodsmith-asset",
+        why: "the C interface uses the caller's memory; lodsmith-asset handles files",
     },
     ForbiddenWords {
         folders: &["crates", "bindings", "bench", "xtask", "fuzz"],
         words: &["#[ignore", "allow(dead_code", "todo!(", "unimplemented!("],
-        why: "no test is ignored and nothing is left for later in silence",
+        why: "no test is ignored, and no code is left unfinished",
     },
 ];
 
@@ -179,31 +176,31 @@ const FORBIDDEN_WORDS: &[ForbiddenWords] = &[
 const VAGUE_NAMES: &[&str] = &["utils", "util", "helpers", "helper", "common", "misc"];
 /// Maximum bytes of `testdata` in total.
 const TESTDATA_MAX: u64 = 300_000;
-/// Maximum lines of a file; one that is nearly as long already holds two concepts.
+/// Maximum lines of a file; a file that is nearly as long already has two concepts.
 const LINES_MAX: usize = 2000;
-/// Maximum bytes of ARCHITECTURE.md: what a newcomer reads in a quarter of an hour. The files are in the map.
+/// Maximum bytes of ARCHITECTURE.md: about a quarter of an hour of reading. The map lists the files.
 const ARCHITECTURE_MAX: usize = 16_000;
 
 type Rule = fn() -> Result<Vec<String>>;
 
 /// Every rule: its name, and the function that returns its violations.
 const RULES: &[(&str, Rule)] = &[
-    ("packages use only those below them", directions),
-    ("each dependency has its reason in docs/dependencies.md", reasons),
-    ("packages never see what they must not", forbidden_crates),
-    ("sources keep to their doors", forbidden_words),
+    ("packages use only packages below them", directions),
+    ("docs/dependencies.md has a reason for each dependency", reasons),
+    ("packages do not depend on forbidden crates", forbidden_crates),
+    ("sources have no forbidden words", forbidden_words),
     ("crates include only their own files", foreign_files),
-    ("modules are concepts", vague_names),
+    ("file names are concepts", vague_names),
     ("files are not too long", long_files),
-    ("every file has a head that serves as its entry in the map", heads),
+    ("every file has a head that can be its entry in the map", heads),
     ("ARCHITECTURE.md is short, and names every package and only files that exist", architecture),
     ("testdata is small and has an origin", testdata),
-    ("every file of tests belongs to a program", test_files),
-    ("nothing names a machine", machine_paths),
-    ("every paper named is in docs/papers.md", papers),
+    ("every test file belongs to a test program", test_files),
+    ("no file contains paths of a machine", machine_paths),
+    ("every cited paper is in docs/papers.md", papers),
     ("files do not use each other in cycles", file_cycles),
-    ("a type name stands once in a crate", repeated_type_names),
-    ("core and simplify take no functions of floats from the system", system_float_functions),
+    ("type names are unique in a crate", repeated_type_names),
+    ("core and lodsmith use no float functions of the system", system_float_functions),
     ("no initialiser of a shared cell waits for the threads of a pool", parallel_work_in_initialisers),
 ];
 
@@ -230,8 +227,8 @@ fn packages() -> Result<Vec<Value>> {
     Ok(all["packages"].as_array().context("no packages")?.clone())
 }
 
-/// Returns the dependencies of a package, without those of tests and build scripts, and without the feature
-/// `proptest`, which only tests enable.
+/// Returns the dependencies of a package, without dependencies of tests and build scripts, and without `proptest`,
+/// which only tests enable.
 fn direct(package: &Value) -> impl Iterator<Item = &str> {
     let all = package["dependencies"].as_array().into_iter().flatten();
     let kept = |d: &&Value| d["kind"].is_null() && !(d["optional"] == true && d["name"] == "proptest");
@@ -250,12 +247,12 @@ fn directions() -> Result<Vec<String>> {
             None => {
                 findings.push(format!("{name} is a published package without a row in xtask/src/tidy.rs"))
             }
-            Some(room) => {
+            Some(rule) => {
                 let manifest = Path::new(package["manifest_path"].as_str().unwrap_or_default());
-                if manifest.parent() != Some(&root().join(room.folder)) {
-                    findings.push(format!("{name} does not stand in {}", room.folder));
+                if manifest.parent() != Some(&root().join(rule.folder)) {
+                    findings.push(format!("{name} is not in {}", rule.folder));
                 }
-                for used in direct(package).filter(|d| ours.contains(d) && !room.uses.contains(d)) {
+                for used in direct(package).filter(|d| ours.contains(d) && !rule.uses.contains(d)) {
                     findings.push(format!("{name} depends on {used}"));
                 }
             }
@@ -264,8 +261,8 @@ fn directions() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Returns the external dependencies in the manifests, each with the packages that use it, named as on the
-/// page.
+/// Returns the external dependencies in the manifests, each with the packages that use it, named as in
+/// docs/dependencies.md.
 fn dependencies(packages: &[Value]) -> BTreeMap<&str, BTreeSet<String>> {
     let ours: BTreeSet<&str> = packages.iter().filter_map(|p| p["name"].as_str()).collect();
     let mut all: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
@@ -281,8 +278,8 @@ fn dependencies(packages: &[Value]) -> BTreeMap<&str, BTreeSet<String>> {
     all
 }
 
-/// Parses the rows of the page: a crate and its users, without remarks in brackets.
-fn reasoned(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
+/// Parses the rows of docs/dependencies.md: a crate and its users, without remarks in brackets.
+fn documented(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
     let mut rows = BTreeMap::new();
     for line in page.lines() {
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
@@ -297,7 +294,7 @@ fn reasoned(page: &str) -> BTreeMap<&str, BTreeSet<String>> {
 fn reasons() -> Result<Vec<String>> {
     let packages = packages()?;
     let page = std::fs::read_to_string(root().join("docs/dependencies.md"))?;
-    Ok(dependencies_without_reason(&dependencies(&packages), &reasoned(&page)))
+    Ok(dependencies_without_reason(&dependencies(&packages), &documented(&page)))
 }
 
 fn dependencies_without_reason(
@@ -308,19 +305,19 @@ fn dependencies_without_reason(
     for (name, users) in named {
         match rows.get(name) {
             None => findings.push(format!("{name} has no row in docs/dependencies.md")),
-            Some(told) if told != users => {
-                findings.push(format!("{name} is used by {users:?}, and docs/dependencies.md says {told:?}"));
+            Some(listed) if listed != users => {
+                findings
+                    .push(format!("{name} is used by {users:?}, but docs/dependencies.md lists {listed:?}"));
             }
             Some(_) => {}
         }
     }
     let gone = rows.keys().filter(|name| !named.contains_key(*name));
-    findings.extend(gone.map(|name| format!("{name} has a row in docs/dependencies.md and is not used")));
+    findings.extend(gone.map(|name| format!("{name} has a row in docs/dependencies.md but is not used")));
     findings
 }
 
-/// Returns each package of the lock file with all its possible dependencies, on any system and with any
-/// feature.
+/// Returns each package of the lock file with all its possible dependencies, on any system and with any feature.
 fn locked(text: &str) -> BTreeMap<&str, Vec<&str>> {
     let mut packages: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     let mut name = "";
@@ -329,7 +326,7 @@ fn locked(text: &str) -> BTreeMap<&str, Vec<&str>> {
             name = quoted.trim_matches('"');
             packages.entry(name).or_default();
         } else if let Some(item) = line.strip_prefix(" \"") {
-            // "name", or "name version" if there are several.
+            // "name", or "name version" if there are several versions.
             let used = item.split(['"', ' ']).next().unwrap_or_default();
             packages.entry(name).or_default().push(used);
         }
@@ -344,10 +341,10 @@ fn forbidden_crates() -> Result<Vec<String>> {
     let ours: BTreeMap<&str, &Value> =
         packages.iter().filter_map(|p| Some((p["name"].as_str()?, p))).collect();
     let mut findings = Vec::new();
-    for room in PACKAGE_RULES {
-        let Some(package) = ours.get(room.package) else { continue };
+    for rule in PACKAGE_RULES {
+        let Some(package) = ours.get(rule.package) else { continue };
         // For our own packages the lock file includes test dependencies, so these come from the manifests.
-        let mut from: BTreeMap<&str, &str> = direct(package).map(|d| (d, room.package)).collect();
+        let mut from: BTreeMap<&str, &str> = direct(package).map(|d| (d, rule.package)).collect();
         let mut todo: Vec<&str> = from.keys().copied().collect();
         while let Some(name) = todo.pop() {
             let used: Vec<&str> = match ours.get(name) {
@@ -355,28 +352,27 @@ fn forbidden_crates() -> Result<Vec<String>> {
                 None => lock.get(name).cloned().unwrap_or_default(),
             };
             for next in used {
-                if !from.contains_key(next) && next != room.package {
+                if !from.contains_key(next) && next != rule.package {
                     from.insert(next, name);
                     todo.push(next);
                 }
             }
         }
-        let windowed = matches!(room.package, "lodsmith-viewer" | "lodsmith-cli" | "lodsmith-web");
+        let windowed = matches!(rule.package, "lodsmith-viewer" | "lodsmith-cli" | "lodsmith-web");
         let gpu = if windowed { &[] } else { GPU };
-        for never in room.never.iter().chain(gpu) {
+        for never in rule.never.iter().chain(gpu) {
             if let Some(through) = from.get(never) {
-                findings.push(format!("{} sees {never} through {through}", room.package));
+                findings.push(format!("{} depends on {never} through {through}", rule.package));
             }
         }
-        if room.package == "lodsmith-cli" && direct(package).any(|d| d == "wgpu") {
-            findings.push("lodsmith-cli names wgpu itself: the viewer has it".into());
+        if rule.package == "lodsmith-cli" && direct(package).any(|d| d == "wgpu") {
+            findings.push("lodsmith-cli depends on wgpu directly instead of through the viewer".into());
         }
     }
     Ok(findings)
 }
 
-/// Returns every file under a folder that belongs to the tree, sorted: without build outputs and Git's own
-/// files.
+/// Returns every file below a folder, sorted, without build outputs and the files of Git.
 fn files_under(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     if !folder.is_dir() {
@@ -418,12 +414,12 @@ fn sources(folder: &str) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Returns a path as it is from the root of the workspace, with slashes.
+/// Returns a path relative to the root of the workspace, with slashes.
 pub(crate) fn shown(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string().replace('\\', "/")
 }
 
-/// Returns true if a line contains a word that is not the tail of a longer word.
+/// Returns whether a line contains a word, but not only as the end of a longer word.
 fn contains_word(line: &str, word: &str) -> bool {
     line.match_indices(word).any(|(at, _)| {
         !word.starts_with(char::is_alphanumeric)
@@ -433,10 +429,10 @@ fn contains_word(line: &str, word: &str) -> bool {
 
 fn forbidden_words() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for door in FORBIDDEN_WORDS {
-        for folder in door.folders {
+    for rule in FORBIDDEN_WORDS {
+        for folder in rule.folders {
             for path in sources(folder)? {
-                // The list of words above is not a use of them.
+                // The list above is not a use of the words.
                 if path == root().join("xtask/src/tidy.rs") {
                     continue;
                 }
@@ -446,8 +442,8 @@ fn forbidden_words() -> Result<Vec<String>> {
                     if code.starts_with("//") {
                         continue;
                     }
-                    for word in door.words.iter().filter(|w| contains_word(code, w)) {
-                        findings.push(format!("{}:{}: {word}: {}", shown(&path), number + 1, door.why));
+                    for word in rule.words.iter().filter(|w| contains_word(code, w)) {
+                        findings.push(format!("{}:{}: {word}: {}", shown(&path), number + 1, rule.why));
                     }
                 }
             }
@@ -456,17 +452,17 @@ fn forbidden_words() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Finds files that a crate includes at build time and that its package would lack.
+/// Finds files that a crate includes at build time from outside its package.
 fn foreign_files() -> Result<Vec<String>> {
     let mut findings = Vec::new();
-    for room in PACKAGE_RULES {
-        let folder = root().join(room.folder);
-        for path in sources(&format!("{}/src", room.folder))? {
+    for rule in PACKAGE_RULES {
+        let folder = root().join(rule.folder);
+        for path in sources(&format!("{}/src", rule.folder))? {
             let text = std::fs::read_to_string(&path)?;
             for name in included(&text) {
                 let depth = path.strip_prefix(&folder).map_or(0, |inside| inside.components().count() - 1);
                 if name.split('/').take_while(|step| *step == "..").count() > depth {
-                    findings.push(format!("{} includes {name}, which its package lacks", shown(&path)));
+                    findings.push(format!("{} includes {name}, which is outside its package", shown(&path)));
                 }
             }
         }
@@ -491,7 +487,7 @@ fn vague_names() -> Result<Vec<String>> {
                 VAGUE_NAMES.contains(&part.to_string_lossy().trim_end_matches(".rs"))
             };
             if relative.iter().any(vague) {
-                findings.push(format!("{}: name the concept", shown(&path)));
+                findings.push(format!("{}: the file name has no meaning", shown(&path)));
             }
         }
     }
@@ -542,7 +538,7 @@ fn architecture() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Returns the paths in the code spans of a page: those that begin with a folder of the workspace.
+/// Returns the paths in a page that begin with a folder of the workspace.
 fn paths_in(page: &str) -> impl Iterator<Item = &str> {
     let folders = [".ci/", "bench/", "bindings/", "crates/", "docs/", "fuzz/", "testdata/", "xtask/"];
     page.split('`')
@@ -565,7 +561,7 @@ fn testdata() -> Result<Vec<String>> {
             let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
             sum += path.metadata()?.len();
             if name != "ORIGIN.md" && !origin.contains(&format!("`{name}`")) {
-                findings.push(format!("{} is not named in ORIGIN.md beside it", shown(&path)));
+                findings.push(format!("{} is not named in the ORIGIN.md of its folder", shown(&path)));
             }
         }
     }
@@ -575,7 +571,7 @@ fn testdata() -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// Finds files beside the test programs that no program has as a module: their tests would never run.
+/// Finds files in folders of tests that are not a module of any test program: their tests would never run.
 fn test_files() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for package in &packages()? {
@@ -595,7 +591,7 @@ fn test_files() -> Result<Vec<String>> {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
             let is_module = text.lines().any(|line| line == format!("mod {stem};"));
             if path.extension().is_some_and(|e| e == "rs") && !programs.contains(&*path) && !is_module {
-                findings.push(format!("{} is a module of no program beside it", shown(&path)));
+                findings.push(format!("{} is not a module of a test program", shown(&path)));
             }
         }
     }
@@ -613,7 +609,7 @@ fn machine_paths() -> Result<Vec<String>> {
         for (number, line) in text.lines().enumerate() {
             for machine in &paths {
                 let starts = |at: usize| {
-                    // Only at the beginning of a path: not in the middle of a relative one or of a URL.
+                    // Only at the beginning of a path: not inside a relative path or a URL.
                     !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-/}".contains(c))
                 };
                 if line.match_indices(machine.as_str()).any(|(at, _)| starts(at)) {
@@ -651,11 +647,11 @@ fn repeated_type_names() -> Result<Vec<String>> {
 fn system_float_functions() -> Result<Vec<String>> {
     let mut findings = Vec::new();
     for folder in ["crates/core/src", "crates/lodsmith/src"] {
-        // Modules of tests in files of their own have these names.
+        // Files of test modules have these names.
         let is_test = |path: &Path| path.ends_with("tests.rs") || path.ends_with("test_support.rs");
         let files: Vec<PathBuf> = sources(folder)?.into_iter().filter(|path| !is_test(path)).collect();
         for (file, name) in float_functions::calls(&files)? {
-            findings.push(format!("{}: {name}, which the crate libm has too", shown(file)));
+            findings.push(format!("{}: {name}: use the function of the crate libm", shown(file)));
         }
     }
     Ok(findings)
@@ -710,19 +706,19 @@ mod tests {
     }
 
     #[test]
-    fn packages_use_only_those_below_them() {
+    fn packages_use_only_packages_below_them() {
         holds(directions);
     }
     #[test]
-    fn each_dependency_has_its_reason() {
+    fn each_dependency_has_a_reason() {
         holds(reasons);
     }
     #[test]
-    fn packages_never_see_what_they_must_not() {
+    fn packages_do_not_depend_on_forbidden_crates() {
         holds(forbidden_crates);
     }
     #[test]
-    fn sources_keep_to_their_doors() {
+    fn sources_have_no_forbidden_words() {
         holds(forbidden_words);
     }
     #[test]
@@ -732,7 +728,7 @@ mod tests {
         assert_eq!(included(text).collect::<Vec<_>>(), ["../a.txt", "b"]);
     }
     #[test]
-    fn modules_are_concepts() {
+    fn file_names_are_concepts() {
         holds(vague_names);
     }
     #[test]
@@ -744,7 +740,7 @@ mod tests {
         holds(heads);
     }
     #[test]
-    fn the_architecture_is_short_and_true() {
+    fn architecture_is_short_and_names_existing_files() {
         holds(architecture);
         let page = "```text\ncrates/a\n```\n`crates/b.rs`, crates/c and `d/e`, `docs/f/`\n";
         assert_eq!(paths_in(page).collect::<Vec<_>>(), ["crates/b.rs", "docs/f/"]);
@@ -754,20 +750,20 @@ mod tests {
         holds(testdata);
     }
     #[test]
-    fn every_file_of_tests_belongs_to_a_program() {
+    fn every_test_file_belongs_to_a_test_program() {
         holds(test_files);
     }
     #[test]
-    fn nothing_names_a_machine() {
+    fn no_file_contains_paths_of_a_machine() {
         holds(machine_paths);
     }
     #[test]
-    fn a_type_name_stands_once_in_a_crate() {
+    fn type_names_are_unique_in_a_crate() {
         holds(repeated_type_names);
     }
 
     #[test]
-    fn no_function_of_floats_is_the_systems() {
+    fn float_functions_do_not_come_from_the_system() {
         holds(system_float_functions);
     }
     #[test]
@@ -775,12 +771,12 @@ mod tests {
         holds(parallel_work_in_initialisers);
     }
     #[test]
-    fn every_paper_named_is_known() {
+    fn every_cited_paper_is_listed() {
         holds(papers);
     }
 
     #[test]
-    fn the_lock_file_is_understood() {
+    fn the_lock_file_is_parsed() {
         let text = "[[package]]\nname = \"a\"\nversion = \"1\"\ndependencies = [\n \"b\",\n \"c 0.2.0\",\n]\n\n\
                     [[package]]\nname = \"b\"\n";
         let lock = locked(text);
@@ -789,7 +785,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dependency_without_a_row_and_a_row_without_one_are_found() {
+    fn dependencies_without_rows_and_unused_rows_are_found() {
         let page = "| crate | used by |\n|---|---|\n| `a` | io, cli (test) | 1 | why |\n| `gone` | io | 1 | why |\n\
                     | `b` | io | 1 | why |\n";
         let users = |names: &[&str]| names.iter().map(|&n| n.to_owned()).collect::<BTreeSet<_>>();
@@ -798,7 +794,7 @@ mod tests {
             ("b", users(&["io", "core"])),
             ("new", users(&["io"])),
         ]);
-        let findings = dependencies_without_reason(&named, &reasoned(page));
+        let findings = dependencies_without_reason(&named, &documented(page));
         assert_eq!(findings.len(), 3, "{findings:?}");
         for (finding, name) in findings.iter().zip(["b is", "new has no row", "gone has a row"]) {
             assert!(finding.starts_with(name), "{finding}");
@@ -806,7 +802,7 @@ mod tests {
     }
 
     #[test]
-    fn words_are_whole() {
+    fn forbidden_words_are_whole_words() {
         assert!(contains_word("println!(1)", "println!") && !contains_word("eprintln!(1)", "println!"));
         assert!(contains_word("(std::fs::read)", "std::fs") && !contains_word("mystd::fs", "std::fs"));
     }

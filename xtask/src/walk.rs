@@ -1,9 +1,9 @@
-//! Checks that errors grow steadily: each model is simplified ever further, from 90 % of its triangles to
-//! 200, in steps of 0.85.
+//! Checks that errors grow steadily: simplifies each model in steps, from 90 % of its triangles down to 200, with a
+//! ratio of 0.85 between steps.
 //!
-//! A step is a *spike* if its RMS distance is more than [`MAX_SPIKE_RATIO`] times that of any step with fewer
-//! triangles: then asking for fewer triangles gives a closer mesh, so the run took a bad path to its target.
-//! Distances below [`MIN_DISTANCE`] of the diagonal count as [`MIN_DISTANCE`]. Growth as such is not a violation.
+//! A step is a *spike* if its RMS distance is more than [`MAX_SPIKE_RATIO`] times the distance of any step with fewer
+//! triangles: a smaller target then gives a more accurate mesh, so the collapses took a bad path. Distances below
+//! [`MIN_DISTANCE`] of the diagonal count as [`MIN_DISTANCE`]. A growing error is not a violation.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,18 +13,17 @@ use serde_json::Value;
 
 use crate::{release_command, shared_models};
 
-/// The ratio of triangles between a step and the one before; the first keeps [`FIRST_RATIO`] of the model.
+/// The ratio of triangles between a step and the previous step; the first step keeps [`FIRST_RATIO`] of the model.
 const STEP_RATIO: f64 = 0.85;
 const FIRST_RATIO: f64 = 0.9;
 /// Minimum number of triangles of a step.
 const MIN_FACES: usize = 200;
-/// Maximum ratio of the distance of a step to that of a step with fewer triangles. (Measured: equally good
-/// paths to a target differ by less, and runs with random variation stay below it.)
+/// Maximum ratio between the distances of a step and of a step with fewer triangles. (Measured: equally good collapse
+/// orders differ by less, and runs with random variation stay below.)
 const MAX_SPIKE_RATIO: f64 = 1.5;
-/// A fraction of the diagonal: sixteen roundings of a coordinate in single precision.
+/// A fraction of the diagonal: sixteen times the rounding error of a coordinate in single precision.
 const MIN_DISTANCE: f64 = 1e-6;
-/// Models of a folder with fewer or more triangles are skipped: fewer leave no reduction down to 200; more
-/// take minutes.
+/// Models with fewer or more triangles are skipped: fewer leave no steps down to 200; more take minutes.
 const FACE_RANGE: std::ops::RangeInclusive<u64> = 400..=60_000;
 const PRESETS: &[&str] = &["auto", "scan", "cad", "visual", "print"];
 /// Extensions of model files.
@@ -37,7 +36,7 @@ struct ReductionStep {
     rms: f64,
 }
 
-/// Returns the triangle counts to ask for, in order.
+/// Returns the target triangle counts, in order.
 fn targets(faces: u64) -> Vec<usize> {
     let sizes = std::iter::successors(Some(FIRST_RATIO * faces as f64), |n| Some(n * STEP_RATIO));
     sizes.map(|n| n.round() as usize).take_while(|n| *n >= MIN_FACES).collect()
@@ -47,29 +46,29 @@ fn targets(faces: u64) -> Vec<usize> {
 fn spikes(steps: &[ReductionStep]) -> Vec<usize> {
     let of = |step: &ReductionStep| step.rms.max(MIN_DISTANCE);
     let is_spike = |&i: &usize| {
-        let lighter = steps.iter().filter(|s| s.faces < steps[i].faces).map(of);
-        of(&steps[i]) > MAX_SPIKE_RATIO * lighter.fold(f64::INFINITY, f64::min)
+        let smaller = steps.iter().filter(|s| s.faces < steps[i].faces).map(of);
+        of(&steps[i]) > MAX_SPIKE_RATIO * smaller.fold(f64::INFINITY, f64::min)
     };
     (0..steps.len()).filter(is_spike).collect()
 }
 
-/// Checks `MODEL...` (the shared models if none) with each `--preset NAME` (all of them if none).
+/// Checks the models `MODEL...` (default: the shared models) with each `--preset NAME` (default: all).
 pub(crate) fn run(args: &[String]) -> Result<()> {
     let (mut models, mut presets) = (Vec::new(), Vec::new());
-    let mut words = args.iter();
-    while let Some(word) = words.next() {
-        match word.as_str() {
-            "--preset" => presets.push(words.next().context("--preset needs a name")?.as_str()),
-            word if word.starts_with('-') => bail!("no option {word}"),
-            word => models.push(PathBuf::from(word)),
+    let mut rest = args.iter();
+    while let Some(argument) = rest.next() {
+        match argument.as_str() {
+            "--preset" => presets.push(rest.next().context("--preset needs a name")?.as_str()),
+            option if option.starts_with('-') => bail!("no option {option}"),
+            path => models.push(PathBuf::from(path)),
         }
     }
     if let Some(unknown) = presets.iter().find(|p| !PRESETS.contains(p)) {
-        bail!("no preset {unknown}; there are {}", PRESETS.join(", "));
+        bail!("no preset {unknown}; known presets: {}", PRESETS.join(", "));
     }
     let presets = if presets.is_empty() { PRESETS.to_vec() } else { presets };
     if models.is_empty() {
-        let folder = shared_models().context("no models: name files (../shared/models is not there)")?;
+        let folder = shared_models().context("no models: name files (../shared/models does not exist)")?;
         list(&folder, &mut models)?;
     }
     let program = release_command()?;
@@ -79,17 +78,17 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         for preset in presets.iter().copied() {
             let Some(steps) = walk(&program, model, preset)? else { break };
             let name = model.file_name().unwrap_or_default().to_string_lossy();
-            let told = |s: &ReductionStep| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
-            let all: Vec<String> = steps.iter().map(told).collect();
+            let describe = |s: &ReductionStep| format!("{} → {:.5}", s.faces, 100.0 * s.rms);
+            let all: Vec<String> = steps.iter().map(describe).collect();
             let bad = spikes(&steps);
             println!("| {name} | {preset} | {} | {} |", all.join(", "), bad.len());
-            found.extend(bad.into_iter().map(|i| format!("{name}, {preset}: {} %", told(&steps[i]))));
+            found.extend(bad.into_iter().map(|i| format!("{name}, {preset}: {} %", describe(&steps[i]))));
         }
     }
     found.iter().for_each(|spike| eprintln!("spike: {spike}"));
     ensure!(
         found.is_empty(),
-        "{} steps are more than {MAX_SPIKE_RATIO} times as far off as a lighter one",
+        "{} steps have more than {MAX_SPIKE_RATIO} times the error of a step with fewer triangles",
         found.len()
     );
     Ok(())
@@ -113,12 +112,12 @@ fn list(folder: &Path, models: &mut Vec<PathBuf>) -> Result<()> {
 /// Returns the steps of a model; `None` if it cannot be read or has too few or too many triangles.
 fn walk(program: &Path, model: &Path, preset: &str) -> Result<Option<Vec<ReductionStep>>> {
     let folder = tempfile::tempdir()?;
-    let lighter = folder.path().join("lighter.ply");
+    let result = folder.path().join("result.ply");
     let simplified = |faces: usize| -> Option<Value> {
         let faces = faces.to_string();
-        let words =
+        let args =
             ["simplify", "--json", "-q", "--force", "--measure", "--preset", preset, "--faces", &faces];
-        let out = Command::new(program).args(words).arg("-o").arg(&lighter).arg(model).output().ok()?;
+        let out = Command::new(program).args(args).arg("-o").arg(&result).arg(model).output().ok()?;
         serde_json::from_slice(&out.stdout).ok()
     };
     let Some(input) = simplified(usize::MAX >> 8) else { return Ok(None) };
@@ -170,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spike_is_farther_off_than_what_is_lighter() {
+    fn a_spike_has_a_larger_error_than_a_step_with_fewer_triangles() {
         let steps = |all: &[(u64, f64)]| -> Vec<ReductionStep> {
             all.iter().map(|&(faces, rms)| ReductionStep { faces, rms }).collect()
         };
@@ -183,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_lead_from_nine_tenths_to_two_hundred() {
+    fn targets_go_from_nine_tenths_to_two_hundred() {
         let all = targets(1000);
         assert_eq!((all[0], all[1], all.len()), (900, 765, 10));
         assert!(all.last().is_some_and(|n| (MIN_FACES..MIN_FACES * 2).contains(n)));
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_a_blob_with_handles_beside_it_grow_steadily() {
+    fn errors_of_separate_shapes_grow_steadily() {
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for (mesh, by) in
             [(shapes::blob(3, 1), 0.0), (shapes::torus(16, 8), 2.5), (shapes::tetrahedra(27), 4.0)]

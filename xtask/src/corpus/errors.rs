@@ -1,28 +1,28 @@
-//! The errors that a report prints beside those that are measured, over all models.
+//! Compares the errors in the reports with measured errors, over all models.
 
 use anyhow::{Result, ensure};
 use serde_json::Value;
 
-/// Smallest share of the printed errors that are within [`FACTOR`] of the measured ones.
+/// Minimum share of printed errors within [`FACTOR`] of the measured ones.
 const MIN_TRUE_SHARE: f64 = 0.95;
-/// Largest share of results whose report has no error.
+/// Maximum share of reports without an error.
 const MAX_ABSENT_SHARE: f64 = 0.05;
-/// A printed error is true within this factor.
+/// A printed error is correct within this factor of the measured one.
 const FACTOR: f64 = 2.0;
-/// Errors below this share of the diagonal are equal: single precision does not tell them from 0.
+/// Errors below this share of the diagonal count as equal: they are within the rounding of single precision.
 const ROUNDING_SHARE: f64 = 1e-6;
 
-/// How the printed errors of all results compare with the measured ones.
+/// The printed errors of all results, compared with the measured ones.
 #[derive(Default)]
 pub(super) struct PrintedErrors {
     measured: usize,
     absent: usize,
-    /// What is farther off than [`FACTOR`].
+    /// Errors that differ by more than [`FACTOR`].
     off: Vec<String>,
 }
 
 impl PrintedErrors {
-    /// Adds the report of one run that measured its result. Returns what is wrong with it by itself.
+    /// Adds the report of a run with a measured result. Returns a problem that shows in this report alone.
     pub(super) fn add(&mut self, what: &str, report: &Value) -> Option<String> {
         let error = &report["error"];
         let measured = error["measured"]["rms"]["symmetric"].as_f64()?;

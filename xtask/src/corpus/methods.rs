@@ -1,8 +1,8 @@
 //! Runs every method on every model of a folder, to 50, 10 and 1 %.
 //!
-//! Checks of each result: no crash and no hang, at most the requested triangles if the report says `reached`
-//! and a reason if not, never more than before, a measurable distance, and no more defects of a kind than in
-//! the input, except those that the method by design may add ([`ALLOWED_DEFECTS`]).
+//! Checks of each result: no crash and no hang, at most the requested triangles if the report says `reached` and a
+//! reason if not, never more triangles than before, a measurable distance, and no more defects of any kind than in the
+//! input, except those that the method may add by design ([`ALLOWED_DEFECTS`]).
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -13,13 +13,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use super::{Limits, Outcome, RATIOS, SUPPORTED_EXTENSIONS, call, ending, one_line, value};
+use super::{Limits, Outcome, RATIOS, SUPPORTED_EXTENSIONS, call, extension, one_line, value};
 
 /// Kinds of defects that a method may add by design. Folds are reported but not checked: on noisy scans every
 /// method has some.
 const ALLOWED_DEFECTS: &[(&str, &[&str])] = &[
     ("cluster", &["non_manifold_edges", "border_edges", "misoriented_edges"]),
-    // Borders are sampled again, with edges of the new length.
+    // Borders are resampled with edges of the new length.
     ("remesh", &["border_edges"]),
 ];
 /// Larger models are skipped unless requested: the whole run should take minutes.
@@ -82,13 +82,13 @@ impl Sweep {
     fn row(&self, file: &Path) -> Result<MethodsRow> {
         let name = file.strip_prefix(&self.folder).unwrap_or(file).to_string_lossy().replace('\\', "/");
         let mut row = MethodsRow { name, faces: None, cases: Vec::new(), skipped: None };
-        if !SUPPORTED_EXTENSIONS.contains(&&*ending(file)) {
-            row.skipped = Some("not a format that is read".to_owned());
+        if !SUPPORTED_EXTENSIONS.contains(&&*extension(file)) {
+            row.skipped = Some("the format cannot be read".to_owned());
             return Ok(row);
         }
         let info = call(&self.command, &["info".as_ref(), file.as_os_str(), "--json".as_ref()], self.limits)?;
         let Some(about) = value(&info).filter(|_| info.status == Some(0)) else {
-            // The response to damaged files is checked by the plain corpus run.
+            // The run without `--methods` checks damaged files.
             row.skipped = Some(one_line(&info));
             return Ok(row);
         };
@@ -135,9 +135,9 @@ impl Sweep {
     fn call(&self, file: &Path, ratio: f64, method: Option<&str>) -> Result<Outcome> {
         let (ratio, limit) = (ratio.to_string(), self.limits.seconds.to_string());
         let mut args: Vec<&OsStr> = vec!["methods".as_ref(), file.as_os_str()];
-        let words =
+        let options =
             ["--json", "--threads", "1", "--samples", SAMPLES, "--ratio", &ratio, "--time-limit", &limit];
-        args.extend(words.iter().map(OsStr::new));
+        args.extend(options.iter().map(OsStr::new));
         let count = match method {
             Some(method) => {
                 args.extend(["--method", method].map(OsStr::new));
@@ -172,9 +172,9 @@ fn evaluate_report(report: &Value, ratio: f64) -> Vec<Case> {
     let rows = report["methods"].as_array().map_or(&[][..], Vec::as_slice);
     // If all methods report the same error, the mesh is the cause.
     let input = &report["input"]["defects"];
-    let of_mesh = rows.first().map(|r| &r["error"]).filter(|e| rows.iter().all(|r| r["error"] == **e));
-    let of_mesh = of_mesh.is_some_and(Value::is_string);
-    rows.iter().map(|row| evaluate_method(row, (before, input), ratio, of_mesh)).collect()
+    let is_mesh_error = rows.first().map(|r| &r["error"]).filter(|e| rows.iter().all(|r| r["error"] == **e));
+    let is_mesh_error = is_mesh_error.is_some_and(Value::is_string);
+    rows.iter().map(|row| evaluate_method(row, (before, input), ratio, is_mesh_error)).collect()
 }
 
 /// Returns the number of misoriented or non-manifold edges: a non-manifold edge of four faces may become one
@@ -183,12 +183,12 @@ fn twisted_edge_count(defects: &Value) -> Option<u64> {
     Some(defects["misoriented_edges"].as_u64()? + defects["non_manifold_edges"].as_u64()?)
 }
 
-fn evaluate_method(row: &Value, (before, input): (u64, &Value), ratio: f64, of_mesh: bool) -> Case {
+fn evaluate_method(row: &Value, (before, input): (u64, &Value), ratio: f64, is_mesh_error: bool) -> Case {
     let method = row["method"].as_str().unwrap_or_default().to_owned();
     let mut case = Case { method, mark: '*', seconds: 0.0, rms: None, folds: 0, problems: Vec::new() };
     let mut problem = |text: String| case.problems.push(text);
     if let Some(error) = row["error"].as_str() {
-        if !of_mesh || error.contains("a fault of this program") {
+        if !is_mesh_error || error.contains("internal error") {
             problem(error.to_owned());
             case.mark = '!';
         }
@@ -206,7 +206,7 @@ fn evaluate_method(row: &Value, (before, input): (u64, &Value), ratio: f64, of_m
     let why = row["stopped_by"].as_str().unwrap_or_default();
     let has_refusals = row["refusals"].as_object().is_some_and(|r| !r.is_empty());
     match why {
-        "time_limit" => problem("still at work at the limit of time".to_owned()),
+        "time_limit" => problem("stopped by the time limit".to_owned()),
         "refusals" if !has_refusals => problem("not reached, and no reason".to_owned()),
         _ => {}
     }
@@ -248,17 +248,17 @@ fn print(rows: &[MethodsRow]) -> Result<()> {
             row.cases.iter().flatten().filter(|c| c.method == method).map(|c| c.mark).collect()
         };
         let marks: Vec<_> = METHODS.iter().map(|m| marks(m)).collect();
-        let told = |(cases, ratio): (&Vec<Case>, f64)| -> Vec<String> {
+        let describe = |(cases, ratio): (&Vec<Case>, f64)| -> Vec<String> {
             let of = |c: &Case| {
                 (!c.problems.is_empty())
                     .then(|| format!("{} to {ratio}: {}", c.method, c.problems.join(", ")))
             };
             cases.iter().filter_map(of).collect()
         };
-        let problems: Vec<String> = row.cases.iter().zip(RATIOS).flat_map(told).collect();
+        let problems: Vec<String> = row.cases.iter().zip(RATIOS).flat_map(describe).collect();
         failed += usize::from(!problems.is_empty());
         let remark = match (&row.skipped, problems.is_empty()) {
-            (Some(why), _) => format!("left out: {why}"),
+            (Some(why), _) => format!("skipped: {why}"),
             (None, true) => String::new(),
             (None, false) => format!("**FAILS**: {}", problems.join("; ")),
         };
@@ -272,10 +272,10 @@ fn print(rows: &[MethodsRow]) -> Result<()> {
     for method in METHODS {
         println!("{}", summary(rows, method));
     }
-    let tried = rows.iter().filter(|r| r.skipped.is_none()).count();
-    println!("\n{tried} models of {} files, {failed} with problems", rows.len());
-    ensure!(tried > 0, "no model was tried");
-    ensure!(failed == 0, "{failed} of {tried} models have problems");
+    let run = rows.iter().filter(|r| r.skipped.is_none()).count();
+    println!("\n{run} models of {} files, {failed} with problems", rows.len());
+    ensure!(run > 0, "no model was run");
+    ensure!(failed == 0, "{failed} of {run} models have problems");
     Ok(())
 }
 
@@ -285,7 +285,7 @@ fn summary(rows: &[MethodsRow], method: &str) -> String {
     let marked = |mark: char| own.iter().filter(|c| c.mark == mark).count();
     let seconds: f64 = own.iter().map(|c| c.seconds).sum();
     let slowest = own.iter().fold(0f64, |m, c| m.max(c.seconds));
-    // Only if both reached the same target, so that the distances are comparable.
+    // Distances are comparable only if both reached the same target.
     let rms = |cases: &[Case], name: &str| {
         cases.iter().find(|c| c.method == name && c.mark == '.').and_then(|c| c.rms).filter(|r| *r > 1e-9)
     };
@@ -304,9 +304,9 @@ fn summary(rows: &[MethodsRow], method: &str) -> String {
 }
 
 /// Parses the number after an option of the command line.
-pub(super) fn count(word: Option<&String>) -> Result<u64> {
-    let word = word.context("--largest needs a number of triangles")?;
-    word.parse().with_context(|| format!("--largest {word}: a number of triangles is wanted"))
+pub(super) fn count(value: Option<&String>) -> Result<u64> {
+    let value = value.context("--largest needs a number of triangles")?;
+    value.parse().with_context(|| format!("--largest {value}: not a number of triangles"))
 }
 
 #[cfg(test)]
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_right_is_told_from_what_is_not() {
+    fn wrong_results_are_detected() {
         let input = json!({ "misoriented_edges": 0, "non_manifold_edges": 3 });
         let mark =
             |change: &dyn Fn(&mut Value)| evaluate_method(&row(change), (100, &input), 0.5, false).mark;
@@ -362,11 +362,11 @@ mod tests {
     }
 
     #[test]
-    fn an_error_of_all_is_of_the_mesh() {
+    fn an_error_of_all_methods_is_caused_by_the_mesh() {
         let fails = |error: &str| json!({ "method": "a", "error": error });
         let report = |b: &str| json!({ "input": { "faces": 1 }, "methods": [fails("flat"), fails(b)] });
         let wrong = |report: &Value| evaluate_report(report, 0.5).iter().filter(|c| c.mark == '!').count();
         assert_eq!(wrong(&report("flat")), 0);
-        assert_eq!(wrong(&report("a fault of this program")), 2);
+        assert_eq!(wrong(&report("internal error")), 2);
     }
 }

@@ -15,7 +15,7 @@ pub(super) struct Entry {
 
 enum Kind {
     File(Vec<u8>),
-    /// A file that is executable.
+    /// An executable file.
     Program(Vec<u8>),
     /// A symbolic link to a path relative to its own folder.
     Link(String),
@@ -45,7 +45,7 @@ impl Entry {
 
 /// Returns all files as a gzip-compressed tar archive.
 pub(super) fn tar_gz(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
-    // No name and time in the gzip header: the same content gives the same bytes under any name.
+    // The gzip header has no name and time: the same content gives the same bytes under any name.
     let packed = GzBuilder::new().mtime(0).operating_system(255).write(Vec::new(), Compression::best());
     let mut tar = tar::Builder::new(packed);
     for entry in entries {
@@ -88,11 +88,11 @@ pub(super) fn zip(entries: &[Entry], time: u64) -> Result<Vec<u8>> {
     Ok(zip.finish()?.into_inner())
 }
 
-/// Converts a time to that of zip: UTC, in steps of two seconds, from 1980 on.
+/// Converts a time to ZIP's representation: UTC, in steps of two seconds, from 1980 on.
 fn dos_time(time: u64) -> Result<zip::DateTime> {
     let time = time::OffsetDateTime::from_unix_timestamp(time.max(super::EARLIEST_ZIP_TIME).cast_signed())?;
     let time = time::PrimitiveDateTime::new(time.date(), time.time());
-    zip::DateTime::try_from(time).with_context(|| format!("{time}: no day that a zip can say"))
+    zip::DateTime::try_from(time).with_context(|| format!("{time} cannot be stored in a ZIP archive"))
 }
 
 #[cfg(test)]
@@ -115,7 +115,7 @@ mod tests {
         ]
     }
 
-    /// Returns the content of a file, or the path that a link leads to.
+    /// Returns the content of a file, or the target of a link.
     fn content(entry: &Entry) -> &[u8] {
         match &entry.kind {
             Kind::File(bytes) | Kind::Program(bytes) => bytes,
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tar_holds_what_was_put_in() {
+    fn tar_round_trip() {
         let packed = tar_gz(&entries(), TIME).unwrap();
         assert_eq!(packed, tar_gz(&entries(), TIME).unwrap());
         let mut tar = tar::Archive::new(GzDecoder::new(&*packed));
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zip_holds_what_was_put_in() {
+    fn zip_round_trip() {
         let packed = zip(&entries(), TIME).unwrap();
         assert_eq!(packed, zip(&entries(), TIME).unwrap());
         let mut zip = zip::ZipArchive::new(Cursor::new(&packed)).unwrap();
@@ -159,7 +159,7 @@ mod tests {
             file.read_to_end(&mut bytes).unwrap();
             assert_eq!(bytes, content(&wanted));
         }
-        // Times before 1980 become the first one that zip can represent.
+        // Times before 1980 become the earliest time of ZIP.
         assert_eq!(dos_time(0).unwrap().to_string(), "1980-01-01 00:00:00");
     }
 }

@@ -45,10 +45,10 @@ pub(super) fn archive(goal: &Goal, binary: Option<PathBuf>) -> Result<(String, V
         Some(binary) => binary,
         None => build(goal.cross_target())?,
     };
-    // A program for another platform does not run here, and its pages are the same.
-    let speaker = if goal.cross_target().is_some() { build(None)? } else { binary.clone() };
+    // A program for another platform cannot run here; its manual is the same.
+    let native_binary = if goal.cross_target().is_some() { build(None)? } else { binary.clone() };
     let name = format!("lodsmith-{}-{}", goal.version, goal.target);
-    let mut entries = contents(&binary, program, &speaker, &metadata, goal.time)?;
+    let mut entries = contents(&binary, program, &native_binary, &metadata, goal.time)?;
     for entry in &mut entries {
         entry.name = format!("{name}/{}", entry.name);
     }
@@ -60,7 +60,7 @@ pub(super) fn archive(goal: &Goal, binary: Option<PathBuf>) -> Result<(String, V
     }
 }
 
-/// Builds the command with its window and FBX, for another platform if one is named; returns the path of the program.
+/// Builds the command with its window and FBX, for a target triple or this machine; returns the path of the program.
 fn build(target: Option<&str>) -> Result<PathBuf> {
     let what = ["rustc", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
     // Function names are a third of the size, and useless without the sources.
@@ -77,15 +77,21 @@ fn build(target: Option<&str>) -> Result<PathBuf> {
     command.args(what).args(target.map(|target| format!("--target={target}")));
     let output = command.args(how).stderr(Stdio::inherit()).output().context("starting cargo")?;
     ensure!(output.status.success(), "cargo ended with {}", output.status);
-    let told = String::from_utf8_lossy(&output.stdout);
-    let mut artifacts = told.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let messages = String::from_utf8_lossy(&output.stdout);
+    let mut artifacts = messages.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
     let program = artifacts.find_map(|a| a["executable"].as_str().map(PathBuf::from));
-    program.context("cargo names no program that it built")
+    program.context("cargo reported no executable")
 }
 
 /// Returns all entries, by their paths within the folder of the archive.
-/// Completions and manual come from `speaker`, the same program as it runs here.
-fn contents(binary: &Path, program: &str, speaker: &Path, metadata: &Value, time: u64) -> Result<Vec<Entry>> {
+/// Completions and manual come from `native_binary`, the same program built for this machine.
+fn contents(
+    binary: &Path,
+    program: &str,
+    native_binary: &Path,
+    metadata: &Value,
+    time: u64,
+) -> Result<Vec<Entry>> {
     let read = |path: &Path| std::fs::read(path).with_context(|| path.display().to_string());
     let entry = Entry::file;
     let mut entries = vec![Entry::program(program.to_owned(), read(binary)?)];
@@ -97,21 +103,21 @@ fn contents(binary: &Path, program: &str, speaker: &Path, metadata: &Value, time
     let lock = std::fs::read_to_string(root().join("Cargo.lock"))?;
     entries.push(entry(sbom::NAME.to_owned(), sbom::text(metadata, &lock, "lodsmith-cli", time)?));
     for (shell, name) in SHELLS {
-        entries.push(entry(format!("completions/{name}"), output_of(speaker, &["completions", shell])?));
+        entries
+            .push(entry(format!("completions/{name}"), output_of(native_binary, &["completions", shell])?));
     }
-    let mut open = vec![Vec::new()];
+    let mut open: Vec<Vec<String>> = vec![Vec::new()];
     let mut seen = BTreeSet::new();
     while let Some(command) = open.pop() {
-        let words: Vec<String> = command;
         let name =
-            ["lodsmith".to_owned()].into_iter().chain(words.iter().cloned()).collect::<Vec<_>>().join("-");
-        let joined = words.join(" ");
+            ["lodsmith".to_owned()].into_iter().chain(command.iter().cloned()).collect::<Vec<_>>().join("-");
+        let joined = command.join(" ");
         let page = match joined.as_str() {
-            "" => output_of(speaker, &["man"])?,
-            words => output_of(speaker, &["man", words])?,
+            "" => output_of(native_binary, &["man"])?,
+            name => output_of(native_binary, &["man", name])?,
         };
         for below in pages_below(&String::from_utf8_lossy(&page), &name) {
-            let next: Vec<String> = words.iter().cloned().chain([below]).collect();
+            let next: Vec<String> = command.iter().cloned().chain([below]).collect();
             if seen.insert(next.clone()) {
                 open.push(next);
             }
@@ -142,15 +148,16 @@ fn included_files() -> Result<Vec<String>> {
 /// Returns the commands that a manual page refers to: `lodsmith\-lod(1)` on the page of `lodsmith` is `lod`.
 fn pages_below(page: &str, name: &str) -> Vec<String> {
     let head = format!("{}\\-", name.replace('-', "\\-"));
-    let words = page.lines().filter_map(|line| line.strip_prefix(&head)?.strip_suffix("(1)"));
-    let plain = words.map(|word| word.replace("\\-", "-"));
+    let pages = page.lines().filter_map(|line| line.strip_prefix(&head)?.strip_suffix("(1)"));
+    let plain = pages.map(|page| page.replace("\\-", "-"));
     plain.filter(|word| word != "help" && !word.starts_with("help-")).collect()
 }
 
 /// Returns the output of a run of the program.
-fn output_of(binary: &Path, words: &[&str]) -> Result<Vec<u8>> {
-    let output = Command::new(binary).args(words).output().with_context(|| binary.display().to_string())?;
-    let text = words.join(" ");
+fn output_of(binary: &Path, arguments: &[&str]) -> Result<Vec<u8>> {
+    let output =
+        Command::new(binary).args(arguments).output().with_context(|| binary.display().to_string())?;
+    let text = arguments.join(" ");
     ensure!(output.status.success(), "{} {text} ended with {}", binary.display(), output.status);
     ensure!(!output.stdout.is_empty(), "{} {text} says nothing", binary.display());
     Ok(output.stdout)
@@ -171,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_name_those_below() {
+    fn manual_pages_refer_to_their_subcommands() {
         let page = ".SH SUBCOMMANDS\n.TP\nlodsmith\\-lod(1)\nLevels\n.TP\nlodsmith\\-help(1)\nHelp\n";
         assert_eq!(pages_below(page, "lodsmith"), ["lod"]);
         let page = "lodsmith\\-progressive\\-build(1)\nlodsmith\\-lod(1)\n";
@@ -179,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn links_between_pages_that_go_along_hold() {
+    fn links_between_included_pages_work() {
         let files = included_files().unwrap();
         assert!(files.iter().any(|name| name == "docs/viewer.md"), "{files:?}");
         let pages = files.iter().filter(|name| name.ends_with(".md"));
@@ -206,7 +213,7 @@ mod tests {
                     && root().join(&place).exists();
                 let inside =
                     files.iter().any(|name| *name == place || name.starts_with(&format!("{place}/")));
-                assert!(inside || is_source, "{page} leads to {place}");
+                assert!(inside || is_source, "{page} links to {place}");
                 links += 1;
             }
         }

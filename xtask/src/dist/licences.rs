@@ -1,4 +1,4 @@
-//! Third-party packages in the program, with their licences and the texts of these.
+//! Third-party packages in the program, with their licences and licence texts.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write as _;
@@ -10,7 +10,7 @@ use serde_json::Value;
 /// Prefixes of the names of licence files.
 const NAMES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "NOTICE", "UNLICENSE"];
 
-/// Returns all third-party packages of a program: a list, then the licence texts without duplicates.
+/// Returns the third-party packages of a program as a list, followed by the licence texts without duplicates.
 pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let by_id: HashMap<&str, &Value> = packages.iter().filter_map(|p| Some((p["id"].as_str()?, p))).collect();
@@ -24,7 +24,7 @@ pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
     all.sort_by_key(|p| (of(p, "name"), of(p, "version")));
 
     let mut text = format!(
-        "Lodsmith is made of {} packages of others, which come under these terms. The texts follow below the list.\n\n",
+        "Lodsmith contains {} third-party packages under these licences. The licence texts follow the list.\n\n",
         all.len()
     );
     let mut texts: BTreeMap<String, Vec<String>> = BTreeMap::new();
@@ -36,7 +36,7 @@ pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
         let _ = writeln!(
             text,
             "{name}: {}{}",
-            terms.unwrap_or_else(|| "see its text".to_owned()),
+            terms.unwrap_or_else(|| "see the licence text".to_owned()),
             place.map(|place| format!(" ({place})")).unwrap_or_default()
         );
         let manifest = of(package, "manifest_path");
@@ -65,7 +65,7 @@ pub(super) fn text(metadata: &Value, program: &str) -> Result<String> {
     Ok(text)
 }
 
-/// Returns the packages that are linked into a program, without those that only tests or the build need.
+/// Returns the packages that are linked into a program, without test and build dependencies.
 pub(super) fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet<&'a str>> {
     let nodes = metadata["resolve"]["nodes"].as_array().context("cargo metadata has no tree")?;
     let by_id: HashMap<&str, &Value> = nodes.iter().filter_map(|n| Some((n["id"].as_str()?, n))).collect();
@@ -83,7 +83,7 @@ pub(super) fn reached<'a>(metadata: &'a Value, program: &str) -> Result<BTreeSet
     Ok(seen)
 }
 
-/// Returns the packages that a package is linked with.
+/// Returns the linked dependencies of a package.
 pub(super) fn linked(node: &Value) -> impl Iterator<Item = &str> {
     let is_linked = |kind: &Value| kind["kind"].is_null();
     let needs = node["deps"].as_array().into_iter().flatten();
@@ -96,7 +96,7 @@ pub(super) fn linked(node: &Value) -> impl Iterator<Item = &str> {
 fn terms_in(folder: &Path) -> Result<Vec<String>> {
     let is_terms = |name: &str| NAMES.iter().any(|n| name.starts_with(n));
     let mut files = files_of(folder, is_terms)?;
-    // The licences of fonts are beside the fonts.
+    // Licences of fonts are in the folder of the fonts.
     let fonts = folder.join("fonts");
     if fonts.is_dir() {
         files.extend(files_of(&fonts, |name| name.ends_with(".TXT"))?);
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_linked_is_listed_with_its_terms_and_what_tests_need_is_not() {
+    fn linked_packages_are_listed_without_test_dependencies() {
         let folder = tempfile::tempdir().unwrap();
         let package = |name: &str, source: Option<&str>, terms: &str| {
             let place = folder.path().join(name);
@@ -156,7 +156,7 @@ mod tests {
                 node("a", &[]), node("c", &[]), node("test", &[])]},
         });
         let text = text(&metadata, "own").unwrap();
-        assert!(text.starts_with("Lodsmith is made of 3 packages"), "{text}");
+        assert!(text.starts_with("Lodsmith contains 3 third-party packages"), "{text}");
         assert!(text.contains("\na 1.0.0: MIT\nb 1.0.0: MIT\nc 1.0.0: MIT\n"), "{text}");
         assert!(text.contains("\na 1.0.0, b 1.0.0\n\nsame\n"), "each text once: {text}");
         assert!(text.contains("\nc 1.0.0\n\nof a font\n"), "{text}");

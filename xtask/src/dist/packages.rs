@@ -9,7 +9,7 @@ use super::archive::Entry;
 use super::{Goal, archive};
 use crate::root;
 
-/// Installs the C library into a folder of its own, and returns the name and the bytes of its archive.
+/// Installs the C library into a new folder; returns the name and the bytes of its archive.
 pub(super) fn c(goal: &Goal) -> Result<(String, Vec<u8>)> {
     let folder = tempfile::tempdir()?;
     script("bindings/c/install.sh", folder.path(), goal)?;
@@ -20,7 +20,7 @@ pub(super) fn c(goal: &Goal) -> Result<(String, Vec<u8>)> {
     Ok((format!("{name}.tar.gz"), archive::tar_gz(&entries, goal.time)?))
 }
 
-/// Returns the name and the bytes of the one file that a package's own script makes.
+/// Returns the name and the bytes of the single file that the script of a package makes.
 pub(super) fn scripted(part: &str, goal: &Goal) -> Result<(String, Vec<u8>)> {
     let folder = tempfile::tempdir()?;
     let path = format!("bindings/{part}/package.sh");
@@ -31,7 +31,7 @@ pub(super) fn scripted(part: &str, goal: &Goal) -> Result<(String, Vec<u8>)> {
     Ok((name, std::fs::read(files[0].path())?))
 }
 
-/// Runs a script, which puts what it makes into a folder.
+/// Runs a script that writes its output into a folder.
 fn script(path: &str, folder: &Path, goal: &Goal) -> Result<()> {
     let mut command = Command::new("bash");
     command.arg(path).arg(folder).current_dir(root()).env("SOURCE_DATE_EPOCH", goal.time.to_string());
@@ -43,7 +43,7 @@ fn script(path: &str, folder: &Path, goal: &Goal) -> Result<()> {
     Ok(())
 }
 
-/// Adds the files and links of a folder and of those below it.
+/// Adds the files and links of a folder and its subfolders.
 fn collect(folder: &Path, name: &str, entries: &mut Vec<Entry>) -> Result<()> {
     for below in std::fs::read_dir(folder).with_context(|| folder.display().to_string())? {
         let below = below?;

@@ -15,8 +15,8 @@ pub(super) const NAME: &str = "sbom.cdx.json";
 
 /// Returns the packages linked into a program, each with licence, checksum and dependencies.
 ///
-/// Equal packages give equal bytes: the serial number is derived from the content, and the time is that
-/// of the sources.
+/// Equal packages give equal bytes: the serial number is derived from the content, and the time comes from the
+/// sources.
 pub(super) fn text(metadata: &Value, lock: &str, program: &str, seconds: u64) -> Result<Vec<u8>> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let reached = licences::reached(metadata, program)?;
@@ -126,7 +126,7 @@ fn number(content: &[u8]) -> String {
     format!("urn:uuid:{}-{}-{}-{}-{}", &all[..8], &all[8..12], &all[12..16], &all[16..20], &all[20..])
 }
 
-/// Checks the parts of the CycloneDX 1.5 specification that are used here.
+/// Checks the list against the used parts of the CycloneDX 1.5 specification.
 fn check(list: &Value) -> Result<()> {
     for (key, value) in
         [("bomFormat", json!("CycloneDX")), ("specVersion", json!("1.5")), ("version", json!(1))]
@@ -152,7 +152,7 @@ fn check(list: &Value) -> Result<()> {
                 part["name"]
             );
         }
-        ensure!(known.insert(part["bom-ref"].as_str()), "{} stands there twice", part["bom-ref"]);
+        ensure!(known.insert(part["bom-ref"].as_str()), "{} is listed twice", part["bom-ref"]);
     }
     for need in list["dependencies"].as_array().context("no dependencies")? {
         let on = need["dependsOn"].as_array().context("no dependsOn")?;
@@ -190,12 +190,12 @@ mod tests {
     }
 
     #[test]
-    fn it_lists_what_is_linked_with_terms_and_checksums() {
+    fn linked_packages_are_listed_with_licences_and_checksums() {
         let list = list();
         assert_eq!(list["metadata"]["timestamp"], "1970-01-02T00:00:00Z");
         assert_eq!(list["metadata"]["component"]["purl"], "pkg:cargo/a@1.0.0");
         assert_eq!(list["metadata"]["component"]["type"], "application");
-        // Without packages that only tests use.
+        // Without test dependencies.
         assert_eq!(list["components"].as_array().unwrap().len(), 1);
         let b = &list["components"][0];
         assert_eq!((&b["name"], &b["licenses"][0]["expression"]), (&json!("b"), &json!("MIT OR Zlib")));
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_packages_give_the_same_bytes_and_others_another_number() {
+    fn the_same_packages_give_the_same_bytes_and_different_ones_another_number() {
         let again = |seconds| text(&metadata(), LOCK, "a", seconds).unwrap();
         assert_eq!(again(7), again(7));
         let number =
@@ -214,9 +214,9 @@ mod tests {
     }
 
     #[test]
-    fn what_the_specification_asks_for_is_seen_when_it_is_missing() {
+    fn the_check_finds_missing_fields() {
         assert!(check(&list()).is_ok());
-        let spoilt: [fn(&mut Value); 8] = [
+        let damages: [fn(&mut Value); 8] = [
             |l| l["bomFormat"] = "SPDX".into(),
             |l| l["serialNumber"] = "urn:uuid:1".into(),
             |l| l["components"] = json!([]),
@@ -226,9 +226,9 @@ mod tests {
             |l| l["metadata"]["component"]["bom-ref"] = "pkg:cargo/b@2.0.0".into(),
             |l| l["dependencies"][0]["dependsOn"][0] = "pkg:cargo/c@1.0.0".into(),
         ];
-        for spoil in spoilt {
+        for damage in damages {
             let mut list = list();
-            spoil(&mut list);
+            damage(&mut list);
             assert!(check(&list).is_err(), "{list}");
         }
     }

@@ -9,9 +9,9 @@ use anyhow::{Context, Result, ensure};
 use super::job::{FolderContent, finish, put, run, start};
 use super::{FaultResult, FaultRow, FaultSetup, Random};
 
-/// The allocation unit of a disk in memory, in bytes.
+/// The allocation unit of tmpfs, in bytes.
 const PAGE: usize = 4096;
-/// Enough space for any output of the runs, in bytes.
+/// Disk size with enough space for the outputs of any run, in bytes.
 const AMPLE_DISK_BYTES: usize = 64 << 20;
 
 /// A disk in memory (tmpfs), unmounted on drop.
@@ -26,7 +26,7 @@ impl Disk {
         Ok(Self { folder })
     }
 
-    /// Remounts it with other options; its files stay.
+    /// Remounts it with other options; the files stay.
     fn change(&self, options: &str) -> Result<()> {
         mount(&["-o", &format!("remount,{options}")], &self.folder)
     }
@@ -34,86 +34,86 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // A disk that stays mounted does no harm.
+        // A disk that stays mounted is harmless.
         let _ = Command::new("umount").arg(&self.folder).stderr(Stdio::null()).status();
     }
 }
 
-fn mount(words: &[&str], folder: &Path) -> Result<()> {
-    let output = Command::new("mount").args(words).arg(folder).output().context("there is no mount")?;
+fn mount(arguments: &[&str], folder: &Path) -> Result<()> {
+    let output = Command::new("mount").args(arguments).arg(folder).output().context("there is no mount")?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr).trim());
     Ok(())
 }
 
-/// Returns the reason why no disk in memory can be mounted, if so.
-fn no_disk(ground: &FaultSetup) -> Result<Option<String>> {
-    let folder = ground.empty_folder("disk")?;
+/// Returns the reason if no disk in memory can be mounted.
+fn no_disk(setup: &FaultSetup) -> Result<Option<String>> {
+    let folder = setup.empty_folder("disk")?;
     Ok(Disk::new(folder, PAGE).err().map(|error| format!("no disk in memory (it needs root): {error}")))
 }
 
-/// Returns the space of files on a disk of pages, in bytes.
+/// Returns the disk space of files in whole pages, in bytes.
 fn size(state: &FolderContent) -> usize {
     state.values().map(|bytes| bytes.len().next_multiple_of(PAGE)).sum()
 }
 
-/// Outputs to a disk that has space for only part of them.
-pub(super) fn full(ground: &FaultSetup) -> Result<FaultResult> {
+/// Outputs to a disk with too little space.
+pub(super) fn full(setup: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "output on a disk that fills up";
-    if let Some(why) = no_disk(ground)? {
+    if let Some(why) = no_disk(setup)? {
         return Ok(FaultResult::Skipped(FAULT, why));
     }
     let mut row = FaultRow::new(FAULT);
-    let mut chance = Random(11);
-    for round in 0..ground.part_of(10) {
-        for job in &ground.jobs {
+    let mut random = Random(11);
+    for round in 0..setup.part_of(10) {
+        for job in &setup.jobs {
             let before = if round.is_multiple_of(2) { FolderContent::new() } else { job.old.clone() };
             // At least one page: a size of 0 means no limit.
-            let bytes = size(&before) + PAGE + chance.below(size(&job.new));
-            let disk = Disk::new(ground.empty_folder("disk")?, bytes)?;
+            let bytes = size(&before) + PAGE + random.below(size(&job.new));
+            let disk = Disk::new(setup.empty_folder("disk")?, bytes)?;
             put(&before, &disk.folder)?;
-            let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
+            let ended = run(&setup.program, &job.arguments(&setup.inputs(), &disk.folder))?;
             row.count(&ended);
-            row.breach(job.name(), job.check(&ended, &before, &disk.folder)?);
+            row.add_violations(job.name(), job.check(&ended, &before, &disk.folder)?);
             disk.change(&format!("size={AMPLE_DISK_BYTES}"))?;
-            let (breaches, swept) = job.run_again(ground, &disk.folder)?;
-            row.breach(job.name(), breaches);
-            row.swept += swept;
+            let (violations, removed) = job.run_again(setup, &disk.folder)?;
+            row.add_violations(job.name(), violations);
+            row.removed += removed;
         }
     }
     Ok(FaultResult::Done(row))
 }
 
 /// Outputs to a read-only folder.
-pub(super) fn read_only(ground: &FaultSetup) -> Result<FaultResult> {
+pub(super) fn read_only(setup: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "output into a read-only file system";
-    if let Some(why) = no_disk(ground)? {
+    if let Some(why) = no_disk(setup)? {
         return Ok(FaultResult::Skipped(FAULT, why));
     }
     let mut row = FaultRow::new(FAULT);
     for before_is_empty in [true, false] {
-        for job in &ground.jobs {
-            let disk = Disk::new(ground.empty_folder("disk")?, AMPLE_DISK_BYTES)?;
+        for job in &setup.jobs {
+            let disk = Disk::new(setup.empty_folder("disk")?, AMPLE_DISK_BYTES)?;
             let before = if before_is_empty { FolderContent::new() } else { job.old.clone() };
             put(&before, &disk.folder)?;
             disk.change("ro")?;
-            let ended = run(&ground.program, &job.arguments(&ground.inputs(), &disk.folder))?;
+            let ended = run(&setup.program, &job.arguments(&setup.inputs(), &disk.folder))?;
             row.count(&ended);
             if ended.status == Some(0) {
-                row.breach(job.name(), ["ended well".to_owned()]);
+                row.add_violations(job.name(), ["ended well".to_owned()]);
             }
-            row.breach(job.name(), job.check(&ended, &before, &disk.folder)?);
+            row.add_violations(job.name(), job.check(&ended, &before, &disk.folder)?);
             disk.change("rw")?;
-            row.breach(job.name(), job.run_again(ground, &disk.folder)?.0);
+            row.add_violations(job.name(), job.run_again(setup, &disk.folder)?.0);
         }
     }
     Ok(FaultResult::Done(row))
 }
 
 /// Outputs over write-protected files.
-pub(super) fn protected(ground: &FaultSetup) -> Result<FaultResult> {
+pub(super) fn protected(setup: &FaultSetup) -> Result<FaultResult> {
     let mut row = FaultRow::new("output over a write-protected file");
-    for job in &ground.jobs {
-        let out = ground.empty_folder("out")?;
+    for job in &setup.jobs {
+        let out = setup.empty_folder("out")?;
         put(&job.old, &out)?;
         let protect = |yes: bool| -> Result<()> {
             for name in job.old.keys() {
@@ -127,53 +127,53 @@ pub(super) fn protected(ground: &FaultSetup) -> Result<FaultResult> {
             Ok(())
         };
         protect(true)?;
-        let ended = run(&ground.program, &job.arguments(&ground.inputs(), &out))?;
+        let ended = run(&setup.program, &job.arguments(&setup.inputs(), &out))?;
         row.count(&ended);
         if ended.status == Some(0) {
-            row.breach(job.name(), ["ended well".to_owned()]);
+            row.add_violations(job.name(), ["ended well".to_owned()]);
         }
-        row.breach(job.name(), job.check(&ended, &job.old, &out)?);
+        row.add_violations(job.name(), job.check(&ended, &job.old, &out)?);
         protect(false)?;
-        row.breach(job.name(), job.run_again(ground, &out)?.0);
+        row.add_violations(job.name(), job.run_again(setup, &out)?.0);
     }
     Ok(FaultResult::Done(row))
 }
 
-/// The output folder is missing when the run begins; commands that create their folder may do so.
-pub(super) fn removed(ground: &FaultSetup) -> Result<FaultResult> {
+/// The output folder is missing when the run starts; commands that create their folder may do so.
+pub(super) fn removed(setup: &FaultSetup) -> Result<FaultResult> {
     let mut row = FaultRow::new("output into a folder that was removed");
-    for job in &ground.jobs {
-        let out = ground.empty_folder("out")?;
+    for job in &setup.jobs {
+        let out = setup.empty_folder("out")?;
         std::fs::remove_dir(&out)?;
-        let words = job.arguments(&ground.inputs(), &out);
-        let ended = run(&ground.program, &words)?;
+        let arguments = job.arguments(&setup.inputs(), &out);
+        let ended = run(&setup.program, &arguments)?;
         row.count(&ended);
-        let makes_it = words.iter().any(|word| word == "-O");
+        let makes_it = arguments.iter().any(|word| word == "-O");
         if !out.exists() {
             std::fs::create_dir(&out)?;
         } else if !makes_it {
-            row.breach(job.name(), ["made the folder again".to_owned()]);
+            row.add_violations(job.name(), ["created the folder".to_owned()]);
         }
         if makes_it != (ended.status == Some(0)) {
-            row.breach(job.name(), [format!("ended with {:?}", ended.status)]);
+            row.add_violations(job.name(), [format!("ended with {:?}", ended.status)]);
         }
-        row.breach(job.name(), job.check(&ended, &FolderContent::new(), &out)?);
-        row.breach(job.name(), job.run_again(ground, &out)?.0);
+        row.add_violations(job.name(), job.check(&ended, &FolderContent::new(), &out)?);
+        row.add_violations(job.name(), job.run_again(setup, &out)?.0);
     }
     Ok(FaultResult::Done(row))
 }
 
 /// The output folder is removed during the run.
-pub(super) fn vanishing(ground: &FaultSetup) -> Result<FaultResult> {
+pub(super) fn vanishing(setup: &FaultSetup) -> Result<FaultResult> {
     let mut row = FaultRow::new("folder of the output removed at a random moment");
-    let mut chance = Random(13);
-    for _ in 0..ground.part_of(10) {
-        for job in &ground.jobs {
-            let out = ground.empty_folder("out")?;
+    let mut random = Random(13);
+    for _ in 0..setup.part_of(10) {
+        for job in &setup.jobs {
+            let out = setup.empty_folder("out")?;
             put(&job.old, &out)?;
             let child =
-                start(&ground.program, &job.arguments(&ground.inputs(), &out), Stdio::null(), Stdio::null())?;
-            std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * chance.part()));
+                start(&setup.program, &job.arguments(&setup.inputs(), &out), Stdio::null(), Stdio::null())?;
+            std::thread::sleep(Duration::from_secs_f64(job.time.as_secs_f64() * random.part()));
             // A file created during the removal keeps the folder; the next round removes it.
             while out.exists() {
                 let _ = std::fs::remove_dir_all(&out);
@@ -181,12 +181,12 @@ pub(super) fn vanishing(ground: &FaultSetup) -> Result<FaultResult> {
             let ended = finish(child)?;
             row.count(&ended);
             // Earlier outputs are gone with the folder: only the messages can be checked.
-            row.breach(job.name(), ended.breaches(job.new.len()));
+            row.add_violations(job.name(), ended.violations(job.new.len()));
             if out.exists() {
                 std::fs::remove_dir_all(&out)?;
             }
             std::fs::create_dir(&out)?;
-            row.breach(job.name(), job.run_again(ground, &out)?.0);
+            row.add_violations(job.name(), job.run_again(setup, &out)?.0);
         }
     }
     Ok(FaultResult::Done(row))

@@ -1,4 +1,4 @@
-//! Runs of the command that write files: their expected outputs, and the checks after a fault.
+//! Command runs that write files: their expected outputs, and the checks after a fault.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,12 +16,13 @@ pub(super) type FolderContent = BTreeMap<String, Vec<u8>>;
 
 /// A run of the command that overwrites the outputs of an earlier run.
 pub(super) struct Job {
-    /// Arguments with `IN` for the input folder, `OUT` for the output folder, `N` for the value that differs
+    /// Arguments with placeholders: `IN` is the input folder, `OUT` the output folder, `N` the value that differs
     /// between the runs.
-    words: &'static str,
+    template: &'static str,
     now: &'static str,
-    /// Outputs of the earlier run, and of the run that overwrites them.
+    /// Outputs of the earlier run.
     pub(super) old: FolderContent,
+    /// Outputs of the run that overwrites them.
     pub(super) new: FolderContent,
     /// Duration of a run without a fault.
     pub(super) time: Duration,
@@ -47,20 +48,20 @@ const JOBS: &[(&str, &str, &str)] = &[
 ];
 
 impl Job {
-    /// Returns its name for messages.
+    /// Returns the name of the run for messages.
     pub(super) fn name(&self) -> &'static str {
-        self.words
+        self.template
     }
 
     /// Returns the arguments of the run, for these folders.
     pub(super) fn arguments(&self, inputs: &Path, out: &Path) -> Vec<String> {
-        arguments(self.words, self.now, inputs, out)
+        arguments(self.template, self.now, inputs, out)
     }
 
     /// Returns the names of the input files.
     pub(super) fn inputs(&self) -> Vec<String> {
-        let words = self.words.split(' ').filter_map(|word| word.strip_prefix("IN/"));
-        let mut names: Vec<String> = words.map(|word| filled(word, self.now)).collect();
+        let files = self.template.split(' ').filter_map(|word| word.strip_prefix("IN/"));
+        let mut names: Vec<String> = files.map(|word| filled(word, self.now)).collect();
         if names.iter().any(|name| name.ends_with(".obj")) {
             names.extend(["tiles.mtl".to_owned(), "tiles.png".to_owned()]);
         }
@@ -69,7 +70,7 @@ impl Job {
 
     /// Returns the failed checks after a run.
     ///
-    /// `before` is the content of the folder before it.
+    /// `before` is the content of the folder before the run.
     pub(super) fn check(
         &self,
         ended: &RunOutcome,
@@ -77,41 +78,41 @@ impl Job {
         out: &Path,
     ) -> Result<Vec<String>> {
         let after = folder_content(out)?;
-        let mut breaches = ended.breaches(self.new.len());
+        let mut violations = ended.violations(self.new.len());
         for (name, bytes) in &after {
-            if is_part(name) {
+            if is_temporary_file(name) {
                 // A killed run cannot clean up.
                 if ended.status.is_some() {
-                    breaches.push(format!("left {name}"));
+                    violations.push(format!("left {name}"));
                 }
             } else if before.get(name) != Some(bytes) && self.new.get(name) != Some(bytes) {
-                breaches.push(format!("{name} is neither as it was nor whole"));
+                violations.push(format!("{name} has neither the old nor the complete new content"));
             }
         }
-        breaches
+        violations
             .extend(before.keys().filter(|n| !after.contains_key(*n)).map(|name| format!("{name} is gone")));
         match ended.status {
-            Some(0) if after != self.new => breaches.push("ended well and did not write everything".into()),
+            Some(0) if after != self.new => violations.push("succeeded and did not write everything".into()),
             Some(1) if self.new.len() == 1 && after != *before => {
-                breaches.push("failed, and changed the output".into());
+                violations.push("failed, and changed the output".into());
             }
             _ => {}
         }
-        Ok(breaches)
+        Ok(violations)
     }
 
     /// Runs again without a fault: returns the failed checks, and the number of temporary files removed.
-    pub(super) fn run_again(&self, ground: &FaultSetup, out: &Path) -> Result<(Vec<String>, usize)> {
-        let parts = parts(out)?;
-        let ended = run(&ground.program, &self.arguments(&ground.inputs(), out))?;
-        let mut breaches = Vec::new();
+    pub(super) fn run_again(&self, setup: &FaultSetup, out: &Path) -> Result<(Vec<String>, usize)> {
+        let temporary_files = temporary_file_count(out)?;
+        let ended = run(&setup.program, &self.arguments(&setup.inputs(), out))?;
+        let mut violations = Vec::new();
         if ended.status != Some(0) {
-            breaches.push(format!("the next run ended with {:?}: {}", ended.status, ended.stderr.trim()));
+            violations.push(format!("the next run ended with {:?}: {}", ended.status, ended.stderr.trim()));
         } else if folder_content(out)? != self.new {
             let names: Vec<String> = folder_content(out)?.into_keys().collect();
-            breaches.push(format!("after the next run there are {}", names.join(", ")));
+            violations.push(format!("after the next run there are {}", names.join(", ")));
         }
-        Ok((breaches, parts))
+        Ok((violations, temporary_files))
     }
 }
 
@@ -124,52 +125,52 @@ pub(super) struct RunOutcome {
 
 impl RunOutcome {
     /// Checks general rules: a failing run prints a message, but at most one line per output; no run panics.
-    pub(super) fn breaches(&self, outputs: usize) -> Vec<String> {
-        let mut breaches = Vec::new();
+    pub(super) fn violations(&self, outputs: usize) -> Vec<String> {
+        let mut violations = Vec::new();
         let lines: Vec<&str> = self.stderr.lines().collect();
-        let told = || self.stderr.trim().replace('\n', " / ");
-        if self.stderr.contains("a fault of this program") || self.stderr.contains("panicked") {
-            breaches.push(format!("panicked: {}", told()));
+        let message = || self.stderr.trim().replace('\n', " / ");
+        if self.stderr.contains("internal error") || self.stderr.contains("panicked") {
+            violations.push(format!("panicked: {}", message()));
         }
         match self.status {
-            Some(0) if !lines.is_empty() => breaches.push(format!("ended well and said: {}", told())),
+            Some(0) if !lines.is_empty() => violations.push(format!("succeeded and printed: {}", message())),
             Some(1)
                 if lines.is_empty()
                     || lines.len() > outputs
                     || lines.iter().any(|l| !l.starts_with("error: ")) =>
             {
-                breaches.push(format!("failed with {} lines: {}", lines.len(), told()));
+                violations.push(format!("failed with {} lines: {}", lines.len(), message()));
             }
             Some(status) if !matches!(status, 0 | 1 | 143) => {
-                breaches.push(format!("ended with status {status}: {}", told()));
+                violations.push(format!("ended with status {status}: {}", message()));
             }
             _ => {}
         }
-        breaches
+        violations
     }
 }
 
-fn filled(word: &str, amount: &str) -> String {
+fn filled(word: &str, value: &str) -> String {
     match word {
-        "N" => amount.to_owned(),
-        word => word.replace("N.", &format!("{amount}.")),
+        "N" => value.to_owned(),
+        word => word.replace("N.", &format!("{value}.")),
     }
 }
 
-fn arguments(words: &str, amount: &str, inputs: &Path, out: &Path) -> Vec<String> {
+fn arguments(template: &str, value: &str, inputs: &Path, out: &Path) -> Vec<String> {
     let word = |word: &str| match word.split_once('/') {
-        Some(("IN", name)) => inputs.join(filled(name, amount)).display().to_string(),
+        Some(("IN", name)) => inputs.join(filled(name, value)).display().to_string(),
         Some(("OUT", name)) => out.join(name).display().to_string(),
         _ if word == "OUT" => out.display().to_string(),
-        _ => filled(word, amount),
+        _ => filled(word, value),
     };
-    words.split(' ').map(word).chain(["--quiet".to_owned()]).collect()
+    template.split(' ').map(word).chain(["--quiet".to_owned()]).collect()
 }
 
 /// Starts the command; captures standard error.
-pub(super) fn start(program: &Path, words: &[String], stdin: Stdio, stdout: Stdio) -> Result<Child> {
+pub(super) fn start(program: &Path, arguments: &[String], stdin: Stdio, stdout: Stdio) -> Result<Child> {
     let mut command = Command::new(program);
-    command.args(words).env_remove("RUST_BACKTRACE").stdin(stdin).stdout(stdout).stderr(Stdio::piped());
+    command.args(arguments).env_remove("RUST_BACKTRACE").stdin(stdin).stdout(stdout).stderr(Stdio::piped());
     command.spawn().with_context(|| program.display().to_string())
 }
 
@@ -180,8 +181,8 @@ pub(super) fn finish(child: Child) -> Result<RunOutcome> {
 }
 
 /// Runs the command to its end.
-pub(super) fn run(program: &Path, words: &[String]) -> Result<RunOutcome> {
-    finish(start(program, words, Stdio::null(), Stdio::null())?)
+pub(super) fn run(program: &Path, arguments: &[String]) -> Result<RunOutcome> {
+    finish(start(program, arguments, Stdio::null(), Stdio::null())?)
 }
 
 /// Returns all files of a folder.
@@ -201,13 +202,13 @@ pub(super) fn put(state: &FolderContent, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-pub(super) fn is_part(name: &str) -> bool {
+pub(super) fn is_temporary_file(name: &str) -> bool {
     name.starts_with(".lodsmith-") && name.ends_with(".part")
 }
 
 /// Counts the temporary files in a folder.
-pub(super) fn parts(folder: &Path) -> Result<usize> {
-    Ok(folder_content(folder)?.keys().filter(|name| is_part(name)).count())
+pub(super) fn temporary_file_count(folder: &Path) -> Result<usize> {
+    Ok(folder_content(folder)?.keys().filter(|name| is_temporary_file(name)).count())
 }
 
 /// Writes the inputs of the runs.
@@ -219,12 +220,12 @@ pub(super) fn write_inputs(program: &Path, inputs: &Path) -> Result<()> {
     }
     std::fs::write(inputs.join("tiles.mtl"), "newmtl tile\nmap_Kd tiles.png\n")?;
     std::fs::write(inputs.join("tiles.png"), picture(192)?)?;
-    for words in [
+    for template in [
         "simplify IN/finial.ply -o OUT/half.ply --ratio 0.5",
         "progressive build IN/finial.ply -o OUT/finial.lpm",
     ] {
-        let ended = run(program, &arguments(words, "", inputs, inputs))?;
-        ensure!(ended.status == Some(0), "{words}: {}", ended.stderr.trim());
+        let ended = run(program, &arguments(template, "", inputs, inputs))?;
+        ensure!(ended.status == Some(0), "{template}: {}", ended.stderr.trim());
     }
     Ok(())
 }
@@ -251,8 +252,8 @@ fn textured(tiles: u32) -> String {
 
 /// Returns an image of noise, which does not compress.
 fn picture(side: u32) -> Result<Vec<u8>> {
-    let mut chance = super::Random(1);
-    let pixels: Vec<u8> = (0..side * side).map(|_| chance.below(256) as u8).collect();
+    let mut random = super::Random(1);
+    let pixels: Vec<u8> = (0..side * side).map(|_| random.below(256) as u8).collect();
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, side, side);
     encoder.set_color(png::ColorType::Grayscale);
@@ -263,22 +264,22 @@ fn picture(side: u32) -> Result<Vec<u8>> {
 /// Returns all runs, with their outputs without a fault.
 pub(super) fn all(program: &Path, inputs: &Path) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
-    for &(words, earlier, now) in JOBS {
+    for &(template, earlier, now) in JOBS {
         let out = tempfile::tempdir()?;
         let mut written = Vec::new();
         let mut time = Duration::ZERO;
         // The third run checks that the second is deterministic.
-        for amount in [earlier, now, now] {
-            let began = Instant::now();
-            let ended = run(program, &arguments(words, amount, inputs, out.path()))?;
-            ensure!(ended.status == Some(0), "{words}: {:?}: {}", ended.status, ended.stderr.trim());
-            time = began.elapsed();
+        for value in [earlier, now, now] {
+            let started = Instant::now();
+            let ended = run(program, &arguments(template, value, inputs, out.path()))?;
+            ensure!(ended.status == Some(0), "{template}: {:?}: {}", ended.status, ended.stderr.trim());
+            time = started.elapsed();
             written.push(folder_content(out.path())?);
         }
-        ensure!(written[1] == written[2], "{words}: two runs write different bytes");
+        ensure!(written[1] == written[2], "{template}: two runs write different bytes");
         let [old, new, _]: [FolderContent; 3] = written.try_into().expect("there were three runs");
-        ensure!(!old.is_empty() && old != new, "{words}: the runs are to write different files");
-        jobs.push(Job { words, now, old, new, time });
+        ensure!(!old.is_empty() && old != new, "{template}: the runs must write different files");
+        jobs.push(Job { template, now, old, new, time });
     }
     Ok(jobs)
 }
@@ -290,10 +291,10 @@ mod tests {
     fn job() -> Job {
         let one = |bytes: &[u8]| FolderContent::from([("a.ply".to_owned(), bytes.to_vec())]);
         let (old, new) = (one(b"old"), one(b"new"));
-        Job { words: "clean IN/N.ply -o OUT/a.ply", now: "y", old, new, time: Duration::ZERO }
+        Job { template: "clean IN/N.ply -o OUT/a.ply", now: "y", old, new, time: Duration::ZERO }
     }
 
-    fn judged(status: Option<i32>, stderr: &str, after: &[(&str, &str)]) -> Vec<String> {
+    fn violations(status: Option<i32>, stderr: &str, after: &[(&str, &str)]) -> Vec<String> {
         let out = tempfile::tempdir().unwrap();
         for (name, bytes) in after {
             std::fs::write(out.path().join(name), bytes).unwrap();
@@ -303,20 +304,20 @@ mod tests {
     }
 
     #[test]
-    fn words_name_the_folders() {
-        let words = job().arguments(Path::new("i"), Path::new("o"));
+    fn folders_are_filled_in() {
+        let arguments = job().arguments(Path::new("i"), Path::new("o"));
         let path = |folder: &str, name: &str| Path::new(folder).join(name).display().to_string();
-        assert_eq!(words, ["clean", &path("i", "y.ply"), "-o", &path("o", "a.ply"), "--quiet"]);
+        assert_eq!(arguments, ["clean", &path("i", "y.ply"), "-o", &path("o", "a.ply"), "--quiet"]);
         assert_eq!(job().inputs(), ["y.ply"]);
     }
 
     #[test]
-    fn what_may_be_found_is_old_or_new() {
+    fn a_file_other_than_the_old_or_new_one_is_a_violation() {
         let (old, new) = (("a.ply", "old"), ("a.ply", "new"));
         let part = (".lodsmith-x.part", "ha");
-        assert!(judged(Some(0), "", &[new]).is_empty());
-        assert!(judged(Some(1), "error: no\n", &[old]).is_empty());
-        assert!(judged(None, "", &[old, part]).is_empty() && judged(None, "", &[new]).is_empty());
+        assert!(violations(Some(0), "", &[new]).is_empty());
+        assert!(violations(Some(1), "error: no\n", &[old]).is_empty());
+        assert!(violations(None, "", &[old, part]).is_empty() && violations(None, "", &[new]).is_empty());
         for (status, stderr, after) in [
             (Some(0), "", &[old][..]),
             (Some(0), "warning: x\n", &[new]),
@@ -325,13 +326,13 @@ mod tests {
             (Some(0), "", &[new, ("b.ply", "b")]),
             (Some(1), "", &[old]),
             (Some(1), "error: a\nerror: b\n", &[old]),
-            (Some(1), "error: a fault of this program, please report it: x\n", &[old]),
+            (Some(1), "error: internal error, please report it: x\n", &[old]),
             (Some(1), "error: a\n", &[new]),
             (Some(101), "", &[old]),
             (None, "", &[("a.ply", "ol")]),
             (None, "", &[]),
         ] {
-            assert!(!judged(status, stderr, after).is_empty(), "{status:?} {stderr} {after:?}");
+            assert!(!violations(status, stderr, after).is_empty(), "{status:?} {stderr} {after:?}");
         }
     }
 }

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use super::job::{FolderContent, RunOutcome, finish, folder_content, put, start};
 use super::{FaultResult, FaultRow, FaultSetup, Random};
 
-/// Runs that write a mesh or a picture to standard output.
+/// Runs that write a mesh or an image to standard output.
 const MESHES: &[&str] = &[
     "convert IN/finial.ply - --to obj",
     "convert IN/finial.ply - --to stl",
@@ -41,8 +41,8 @@ const TEXTS: &[&str] = &[
 /// Capacity of a pipe without a reader, in bytes (on Linux).
 const PIPE_BYTES: usize = 1 << 16;
 
-fn words(text: &str, ground: &FaultSetup, out: &Path) -> Vec<String> {
-    let (inputs, out) = (ground.inputs().display().to_string(), out.display().to_string());
+fn arguments(text: &str, setup: &FaultSetup, out: &Path) -> Vec<String> {
+    let (inputs, out) = (setup.inputs().display().to_string(), out.display().to_string());
     text.split(' ').map(|word| word.replace("IN/", &format!("{inputs}/")).replace("OUT", &out)).collect()
 }
 
@@ -57,69 +57,75 @@ fn is_note(line: &str) -> bool {
 }
 
 /// Returns the complete output of a run.
-fn whole(ground: &FaultSetup, words: &[String]) -> Result<Vec<u8>> {
-    let output = Command::new(&ground.program).args(words).output()?;
-    ensure!(output.status.success(), "{words:?}: {}", String::from_utf8_lossy(&output.stderr));
+fn complete_output(setup: &FaultSetup, arguments: &[String]) -> Result<Vec<u8>> {
+    let output = Command::new(&setup.program).args(arguments).output()?;
+    ensure!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     Ok(output.stdout)
 }
 
-/// Reads this many bytes and closes the pipe.
-fn read_only(child: &mut Child, bytes: usize) -> Result<()> {
-    let mut pipe = child.stdout.take().context("it has a pipe")?;
+/// Reads a number of bytes and closes the pipe.
+fn read_some(child: &mut Child, bytes: usize) -> Result<()> {
+    let mut pipe = child.stdout.take().context("the output is a pipe")?;
     let mut head = vec![0; bytes];
     pipe.read_exact(&mut head)?;
     Ok(())
 }
 
-/// The reader of a mesh closes the pipe before its end.
-pub(super) fn closed_pipe(ground: &FaultSetup) -> Result<FaultResult> {
-    let mut row = FaultRow::new("pipe closed before all of a mesh or picture was read");
-    let mut chance = Random(31);
+/// The reader of a mesh or image closes the pipe early.
+pub(super) fn closed_pipe(setup: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("pipe of a mesh or image closed early");
+    let mut random = Random(31);
     for text in MESHES {
-        let words = words(text, ground, &ground.empty_folder("out")?);
-        let length = whole(ground, &words)?.len();
-        for round in 0..ground.part_of(20) {
-            // The first time immediately.
-            let read = if round == 0 { 0 } else { chance.below(length) };
-            let quiet = [words.as_slice(), &["--quiet".to_owned()]].concat();
-            let mut child = start(&ground.program, &quiet, Stdio::null(), Stdio::piped())?;
-            read_only(&mut child, read)?;
+        let arguments = arguments(text, setup, &setup.empty_folder("out")?);
+        let length = complete_output(setup, &arguments)?.len();
+        for round in 0..setup.part_of(20) {
+            // The first round closes immediately.
+            let read = if round == 0 { 0 } else { random.below(length) };
+            let quietly = [arguments.as_slice(), &["--quiet".to_owned()]].concat();
+            let mut child = start(&setup.program, &quietly, Stdio::null(), Stdio::piped())?;
+            read_some(&mut child, read)?;
             let ended = finish(child)?;
             row.count(&ended);
-            // The last part, up to the pipe's capacity, may be written before it closes.
+            // The last bytes, up to the capacity of the pipe, may be written before it closes.
             if ended.status != Some(1) && length - read > PIPE_BYTES {
-                row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
+                row.add_violations(
+                    text,
+                    [format!("ended with {:?} after {read} of {length} bytes", ended.status)],
+                );
             }
-            row.breach(text, ended.breaches(1));
+            row.add_violations(text, ended.violations(1));
         }
     }
     Ok(FaultResult::Done(row))
 }
 
-/// The reader of a text closes the pipe early, which is not an error.
-pub(super) fn closed_pipe_of_text(ground: &FaultSetup) -> Result<FaultResult> {
-    let mut row = FaultRow::new("pipe closed before all of a text was read");
-    let mut chance = Random(37);
+/// The reader of a text closes the pipe early, which is no error.
+pub(super) fn closed_pipe_of_text(setup: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("pipe of a text closed early");
+    let mut random = Random(37);
     for text in TEXTS {
-        let words = words(text, ground, &ground.empty_folder("out")?);
-        let length = whole(ground, &words)?.len();
-        for round in 0..ground.part_of(10) {
-            let read = if round == 0 { 0 } else { chance.below(length) };
-            let mut child = start(&ground.program, &words, Stdio::null(), Stdio::piped())?;
-            read_only(&mut child, read)?;
+        let arguments = arguments(text, setup, &setup.empty_folder("out")?);
+        let length = complete_output(setup, &arguments)?.len();
+        for round in 0..setup.part_of(10) {
+            let read = if round == 0 { 0 } else { random.below(length) };
+            let mut child = start(&setup.program, &arguments, Stdio::null(), Stdio::piped())?;
+            read_some(&mut child, read)?;
             let ended = errors(finish(child)?);
             row.count(&ended);
             if ended.status != Some(0) {
-                row.breach(text, [format!("ended with {:?} after {read} of {length} bytes", ended.status)]);
+                row.add_violations(
+                    text,
+                    [format!("ended with {:?} after {read} of {length} bytes", ended.status)],
+                );
             }
-            row.breach(text, ended.breaches(1));
+            row.add_violations(text, ended.violations(1));
         }
     }
     Ok(FaultResult::Done(row))
 }
 
-/// Standard output is a full device.
-pub(super) fn full_device(ground: &FaultSetup) -> Result<FaultResult> {
+/// Standard output is `/dev/full`.
+pub(super) fn full_device(setup: &FaultSetup) -> Result<FaultResult> {
     const FAULT: &str = "standard output on a full device";
     if File::options().write(true).open("/dev/full").is_err() {
         return Ok(FaultResult::Skipped(FAULT, "there is no /dev/full".into()));
@@ -127,52 +133,52 @@ pub(super) fn full_device(ground: &FaultSetup) -> Result<FaultResult> {
     let mut row = FaultRow::new(FAULT);
     for text in MESHES.iter().chain(TEXTS) {
         let device = File::options().write(true).open("/dev/full")?;
-        let words = words(text, ground, &ground.empty_folder("out")?);
-        let ended = errors(finish(start(&ground.program, &words, Stdio::null(), device.into())?)?);
+        let arguments = arguments(text, setup, &setup.empty_folder("out")?);
+        let ended = errors(finish(start(&setup.program, &arguments, Stdio::null(), device.into())?)?);
         row.count(&ended);
         if ended.status != Some(1) {
-            row.breach(text, [format!("ended with {:?}", ended.status)]);
+            row.add_violations(text, [format!("ended with {:?}", ended.status)]);
         }
-        row.breach(text, ended.breaches(1));
+        row.add_violations(text, ended.violations(1));
     }
     Ok(FaultResult::Done(row))
 }
 
 /// A model on standard input is truncated.
-pub(super) fn cut_input(ground: &FaultSetup) -> Result<FaultResult> {
-    let mut row = FaultRow::new("standard input cut short");
-    let mut chance = Random(41);
+pub(super) fn truncated_input(setup: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("standard input truncated");
+    let mut random = Random(41);
     for name in ["finial.ply", "arm.glb"] {
-        let bytes = std::fs::read(ground.inputs().join(name))?;
+        let bytes = std::fs::read(setup.inputs().join(name))?;
         for text in ["convert - OUT/a.stl", "simplify - -o OUT/a.stl --ratio 0.5", "clean - -o OUT/a.stl"] {
-            for _ in 0..ground.part_of(20) {
-                let out = ground.empty_folder("out")?;
-                let before = FolderContent::from([("a.stl".to_owned(), b"what was there".to_vec())]);
+            for _ in 0..setup.part_of(20) {
+                let out = setup.empty_folder("out")?;
+                let before = FolderContent::from([("a.stl".to_owned(), b"old content".to_vec())]);
                 put(&before, &out)?;
-                let mut words = words(text, ground, &out);
-                words.push("--quiet".into());
-                let mut child = start(&ground.program, &words, Stdio::piped(), Stdio::null())?;
+                let mut arguments = arguments(text, setup, &out);
+                arguments.push("--quiet".into());
+                let mut child = start(&setup.program, &arguments, Stdio::piped(), Stdio::null())?;
                 let mut pipe = child.stdin.take().context("it has a pipe")?;
                 // The run may stop reading after an error.
-                let _ = pipe.write_all(&bytes[..chance.below(bytes.len())]);
+                let _ = pipe.write_all(&bytes[..random.below(bytes.len())]);
                 drop(pipe);
                 let ended = finish(child)?;
                 row.count(&ended);
-                let mut breaches = ended.breaches(1);
+                let mut violations = ended.violations(1);
                 if ended.status != Some(1) || folder_content(&out)? != before {
-                    breaches.push(format!("ended with {:?}", ended.status));
+                    violations.push(format!("ended with {:?}", ended.status));
                 }
-                row.breach(text, breaches);
+                row.add_violations(text, violations);
             }
         }
     }
     Ok(FaultResult::Done(row))
 }
 
-/// A run fails or warns while nobody reads standard error.
-pub(super) fn nobody_reads_errors(ground: &FaultSetup) -> Result<FaultResult> {
-    let mut row = FaultRow::new("nobody reads standard error");
-    let out = ground.empty_folder("out")?;
+/// A run fails or warns after the reader of standard error has gone.
+pub(super) fn nobody_reads_errors(setup: &FaultSetup) -> Result<FaultResult> {
+    let mut row = FaultRow::new("closed standard error");
+    let out = setup.empty_folder("out")?;
     for (text, status) in [
         ("info IN/none.ply", 1),
         ("convert IN/none.ply OUT/a.stl", 1),
@@ -181,12 +187,12 @@ pub(super) fn nobody_reads_errors(ground: &FaultSetup) -> Result<FaultResult> {
         ("lod IN/arm.glb -O OUT --levels 0.5 --verbose", 0),
         ("convert IN/finial.ply", 2),
     ] {
-        let mut child = start(&ground.program, &words(text, ground, &out), Stdio::null(), Stdio::null())?;
+        let mut child = start(&setup.program, &arguments(text, setup, &out), Stdio::null(), Stdio::null())?;
         drop(child.stderr.take());
         let ended = RunOutcome { status: child.wait()?.code(), stderr: String::new() };
         row.count(&ended);
         if ended.status != Some(status) {
-            row.breach(text, [format!("ended with {:?}, not {status}", ended.status)]);
+            row.add_violations(text, [format!("ended with {:?}, not {status}", ended.status)]);
         }
     }
     Ok(FaultResult::Done(row))

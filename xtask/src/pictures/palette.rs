@@ -1,4 +1,4 @@
-//! Palette quantisation of pictures: a third of the bytes, without visible difference.
+//! Palette quantisation of pictures: a third of the file size, without visible difference.
 
 use std::collections::BTreeMap;
 
@@ -7,20 +7,20 @@ type Rgb = [u8; 3];
 /// Colours of one palette entry, and the number of pixels with each.
 type Bin = Vec<(Rgb, usize)>;
 
-/// Returns a palette of at most `most` colours, and the index of each pixel.
+/// Returns a palette of at most `max` colours, and the index of each pixel.
 ///
-/// By median cut: the bin with the largest spread is split at the median of its pixels.
+/// Uses median cut: splits the bin with the largest spread at the median of its pixels.
 ///
 /// # Panics
-/// If `most` is not from 1 to 256.
-pub(super) fn indexed(pixels: &[Rgb], most: usize) -> (Vec<Rgb>, Vec<u8>) {
-    assert!((1..=256).contains(&most), "an index is a byte");
+/// If `max` is not from 1 to 256.
+pub(super) fn indexed(pixels: &[Rgb], max: usize) -> (Vec<Rgb>, Vec<u8>) {
+    assert!((1..=256).contains(&max), "an index is a byte");
     let mut counts: BTreeMap<Rgb, usize> = BTreeMap::new();
     for p in pixels {
         *counts.entry(*p).or_default() += 1;
     }
     let mut bins: Vec<Bin> = vec![counts.into_iter().collect()];
-    while bins.len() < most {
+    while bins.len() < max {
         let widest = (0..bins.len()).filter(|&i| bins[i].len() > 1).max_by(|&a, &b| {
             let [a, b] = [a, b].map(|i| spread(&bins[i]).1);
             a.total_cmp(&b)
@@ -29,9 +29,9 @@ pub(super) fn indexed(pixels: &[Rgb], most: usize) -> (Vec<Rgb>, Vec<u8>) {
         let second = cut(&mut bins[widest]);
         bins.push(second);
     }
-    let place: BTreeMap<Rgb, u8> =
+    let indices: BTreeMap<Rgb, u8> =
         bins.iter().enumerate().flat_map(|(i, bin)| bin.iter().map(move |c| (c.0, i as u8))).collect();
-    (bins.iter().map(mean).collect(), pixels.iter().map(|p| place[p]).collect())
+    (bins.iter().map(mean).collect(), pixels.iter().map(|p| indices[p]).collect())
 }
 
 /// Returns the channel with the largest spread in a bin, and the sum of squares along it.
@@ -45,7 +45,7 @@ fn spread(bin: &Bin) -> (usize, f64) {
     (k, all[k])
 }
 
-/// Removes and returns the upper half of a bin of two colours or more.
+/// Removes and returns the upper half of a bin with at least two colours.
 fn cut(bin: &mut Bin) -> Bin {
     let (k, _) = spread(bin);
     bin.sort_by_key(|(c, _)| (c[k], *c));
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_colours_stay_as_they_are() {
+    fn few_colours_are_exact() {
         let pixels = [[9, 9, 9], [200, 0, 3], [9, 9, 9], [0, 0, 255]];
         let (palette, index) = indexed(&pixels, 16);
         assert_eq!(palette.len(), 3);
@@ -81,14 +81,14 @@ mod tests {
     }
 
     #[test]
-    fn many_colours_come_near() {
+    fn many_colours_are_approximated() {
         let pixels: Vec<Rgb> = (0..=255u8).flat_map(|i| [[i, i / 2, 255 - i], [i, i, i]]).collect();
         let (palette, index) = indexed(&pixels, 64);
         assert_eq!(palette.len(), 64);
-        let far = |(p, i): (&Rgb, &u8)| {
+        let difference = |(p, i): (&Rgb, &u8)| {
             let q = palette[usize::from(*i)];
             (0..3).map(|k| p[k].abs_diff(q[k])).max()
         };
-        assert!(pixels.iter().zip(&index).all(|x| far(x) <= Some(8)));
+        assert!(pixels.iter().zip(&index).all(|x| difference(x) <= Some(8)));
     }
 }

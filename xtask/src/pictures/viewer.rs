@@ -1,6 +1,6 @@
 //! Screenshots of the viewer, and the animation of its slider.
 //!
-//! An example of the viewer takes them without a window; here they get their palettes and their places.
+//! An example of the viewer takes them without a window; this module reduces their colours and writes the files.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,19 +12,19 @@ use lodsmith_render::decode;
 use super::{PALETTE_SIZE, opaque, palette, put, write};
 use crate::root;
 
-/// Screenshots, by the name of their files.
+/// The file names of the screenshots, without extension.
 const SCREENSHOTS: [&str; 6] =
     ["viewer", "viewer-error", "viewer-normals", "viewer-difference", "viewer-bake", "stage"];
 /// The animation of the README.
 const SLIDER: &str = "docs/pictures/slider.png";
-/// Palette size of the animation: it shows one surface and the window around it.
+/// Palette size of the animation, which shows one surface and the window.
 const SLIDER_COLOURS: usize = 64;
 /// Frames per second of the animation.
 const SLIDER_FPS: u16 = 8;
-/// Largest size of the animation: pages of a repository should open at once.
+/// Maximum file size of the animation: the README should load fast.
 const SLIDER_MAX_BYTES: usize = 2 << 20;
 
-/// Takes all screenshots and writes them; without a graphics adapter nothing changes.
+/// Takes all screenshots and writes them; without a graphics adapter, changes nothing.
 pub(super) fn run() -> Result<()> {
     let folder = tempfile::tempdir()?;
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -52,7 +52,7 @@ fn read(path: &Path) -> Result<Image> {
     Ok(decode(&std::fs::read(path)?)?)
 }
 
-/// Writes the frames, and then back again, as an animated PNG with one palette.
+/// Writes the frames, forwards and then backwards, as an animated PNG with one palette.
 fn slider(frames: &[Image]) -> Result<()> {
     let first = frames.first().context("there are no frames of the slider")?;
     let (width, size) = (first.width(), first.pixels().len());
@@ -71,16 +71,16 @@ fn slider(frames: &[Image]) -> Result<()> {
     encoder.set_frame_delay(1, SLIDER_FPS)?;
     let mut writer = encoder.write_header()?;
     let mut before: Option<&[u8]> = None;
-    for (place, &i) in order.iter().enumerate() {
+    for (number, &i) in order.iter().enumerate() {
         let frame = indices[i];
         let [left, top, w, h] = before.map_or([0, 0, width, size / width], |b| changed(b, frame, width));
-        if place > 0 {
+        if number > 0 {
             writer.reset_frame_position()?;
             writer.set_frame_dimension(w as u32, h as u32)?;
             writer.set_frame_position(left as u32, top as u32)?;
         }
-        // The ends are shown for a second.
-        let holds = place == 0 || i + 1 == indices.len();
+        // The first and the last frame are shown for a second.
+        let holds = number == 0 || i + 1 == indices.len();
         writer.set_frame_delay(1, if holds { 1 } else { SLIDER_FPS })?;
         let rows = frame.chunks(width).skip(top).take(h);
         let part: Vec<u8> = rows.flat_map(|row| row[left..left + w].iter().copied()).collect();
@@ -92,7 +92,7 @@ fn slider(frames: &[Image]) -> Result<()> {
     put(first, &bytes, SLIDER)
 }
 
-/// Returns the rectangle that differs: left, top, width, height; one pixel if nothing does.
+/// Returns the rectangle that differs, as left, top, width and height; one pixel if nothing differs.
 fn changed(before: &[u8], after: &[u8], width: usize) -> [usize; 4] {
     let differs = |i: &usize| before[*i] != after[*i];
     let all = || (0..after.len()).filter(differs);
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_changes_is_stored() {
+    fn only_changed_pixels_are_stored() {
         let before = vec![0; 20];
         let mut after = before.clone();
         assert_eq!(changed(&before, &after, 5), [0, 0, 1, 1]);

@@ -1,6 +1,6 @@
-//! Dependency cycles of files within a crate: a file uses an item of another one, and so on back to the
-//! first. Tests do not count, nor re-exported items (`pub use`) that the file does not use itself, nor macros
-//! whose arguments are not expressions.
+//! Dependency cycles of files within a crate: a file uses an item of another file, and so on back to the first.
+//! Ignores tests, re-exports (`pub use`) that the file does not use itself, and macros whose arguments are not
+//! expressions.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ struct Module {
     file: usize,
     children: BTreeSet<String>,
     imports: BTreeMap<String, Names>,
-    /// Functions of its own: an imported module can have the name of one.
+    /// Functions of this module: an imported module can have the same name.
     functions: BTreeSet<String>,
     /// All paths in its code, including those of `use`.
     named: Vec<Names>,
@@ -41,25 +41,25 @@ pub(super) struct Cycle {
 /// Finds the cycles of the crate with this root file.
 pub(super) fn cycles(root: &Path) -> Result<Vec<Cycle>> {
     let mut all = Crate::default();
-    all.read(root, root.parent().context("a root file lies in a folder")?, Vec::new())?;
+    all.read(root, root.parent().context("the root file has no folder")?, Vec::new())?;
     let arrows = all.uses();
     let plain: Vec<BTreeSet<usize>> = arrows.iter().map(|to| to.keys().copied().collect()).collect();
     let groups = strongly_connected(&plain).into_iter().filter(|group| group.len() > 1);
-    let circle = |mut group: Vec<usize>| {
+    let cycle_of = |mut group: Vec<usize>| {
         group.sort_by_key(|&file| &all.files[file]);
-        let tie = |&from: &usize| {
+        let dependencies_of = |&from: &usize| {
             let inside = arrows[from].iter().filter(|(to, _)| group.contains(to));
             let path = |file: usize| all.files[file].clone();
             inside.map(move |(&to, names)| (path(from), path(to), names.iter().cloned().collect()))
         };
         Cycle {
             files: group.iter().map(|&file| all.files[file].clone()).collect(),
-            dependencies: group.iter().flat_map(tie).collect(),
+            dependencies: group.iter().flat_map(dependencies_of).collect(),
         }
     };
-    let mut circles: Vec<Cycle> = groups.map(circle).collect();
-    circles.sort_by(|a, b| a.files.cmp(&b.files));
-    Ok(circles)
+    let mut cycles: Vec<Cycle> = groups.map(cycle_of).collect();
+    cycles.sort_by(|a, b| a.files.cmp(&b.files));
+    Ok(cycles)
 }
 
 impl Crate {
@@ -169,7 +169,7 @@ impl Reader<'_> {
             UseTree::Rename(name) => {
                 self.add_import(name.rename.to_string(), [before, &[name.ident.to_string()]].concat());
             }
-            // A glob import depends on that module, whatever it imports.
+            // A glob import depends on its module, whatever it imports.
             UseTree::Glob(_) => self.0.named.push([before, &["*".to_owned()]].concat()),
         }
     }
@@ -233,7 +233,7 @@ pub(super) fn attributes(item: &Item) -> Option<&[Attribute]> {
     }
 }
 
-/// Returns true if an item exists in tests only.
+/// Returns whether an item exists only in tests.
 pub(super) fn is_test(attributes: &[Attribute]) -> bool {
     let is_cfg_test = |a: &Attribute| {
         a.path().is_ident("cfg") && a.parse_args::<syn::Path>().is_ok_and(|path| path.is_ident("test"))
@@ -241,7 +241,7 @@ pub(super) fn is_test(attributes: &[Attribute]) -> bool {
     attributes.iter().any(is_cfg_test)
 }
 
-/// Returns groups of nodes that can be reached from each other. [Tarjan 1972]
+/// Returns the strongly connected components of a graph. [Tarjan 1972]
 fn strongly_connected(arrows: &[BTreeSet<usize>]) -> Vec<Vec<usize>> {
     struct Walk<'a> {
         arrows: &'a [BTreeSet<usize>],
@@ -307,18 +307,18 @@ mod tests {
             std::fs::write(path, text).unwrap();
         }
         let shown = |file: &PathBuf| file.strip_prefix(folder.path()).unwrap().display().to_string();
-        let circles = cycles(&folder.path().join("lib.rs")).unwrap();
-        circles.iter().map(|circle| circle.files.iter().map(shown).collect()).collect()
+        let cycles = cycles(&folder.path().join("lib.rs")).unwrap();
+        cycles.iter().map(|cycle| cycle.files.iter().map(shown).collect()).collect()
     }
 
     #[test]
-    fn files_that_name_each_other_are_a_circle() {
+    fn files_that_use_each_other_are_a_cycle() {
         let root = ("lib.rs", "mod a; mod b; mod c;");
         let (to_b, to_c) =
             (("a.rs", "use crate::b; fn f() { b::g() }"), ("b.rs", "use super::c::H; fn g(_: H) {}"));
         let back = ("c.rs", "mod d; pub(crate) use d::H;");
         assert_eq!(found(&[root, to_b, to_c, back, ("c/d.rs", "struct H;")]), Vec::<Vec<String>>::new());
-        // Through an item that another file re-exports, which does not put that file in the cycle, and in the
+        // Through an item that another file re-exports, which does not put that file in the cycle, and through the
         // arguments of a macro.
         let closing = ("c/d.rs", "struct H; fn i() { assert!(crate::a::f()) }");
         assert_eq!(found(&[root, to_b, to_c, back, closing]), [["a.rs", "b.rs", "c/d.rs"]]);
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_function_is_found_where_a_module_of_its_name_is_imported() {
+    fn a_function_is_found_despite_an_imported_module_of_its_name() {
         let root = ("lib.rs", "mod run; mod cluster;");
         let top = ("run.rs", "use crate::cluster; pub fn run() { cluster::run() } pub fn goal() {}");
         let below = ("cluster.rs", "use crate::run; pub fn run() { run::goal() }");
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_module_and_what_lies_in_it_are_a_circle_if_both_name_items() {
+    fn a_module_and_its_child_are_a_cycle_if_each_uses_items_of_the_other() {
         let root = ("lib.rs", "mod a; struct S(T); pub use a::T;");
         assert_eq!(found(&[root, ("a.rs", "pub struct T(super::S);")]), [["a.rs", "lib.rs"]]);
         assert_eq!(found(&[root, ("a.rs", "pub struct T(u8);")]), Vec::<Vec<String>>::new());

@@ -1,5 +1,5 @@
-//! Functions of floats that differ from system to system in the last bit. Crates whose results must not take them
-//! from the crate `libm`.
+//! Float functions whose last bit differs between systems: crates with reproducible results use the crate `libm`
+//! instead.
 
 use std::path::{Path, PathBuf};
 
@@ -9,14 +9,14 @@ use syn::{ExprMethodCall, ImplItemFn, Item};
 
 use super::cycles::{attributes, is_test};
 
-/// Methods of `f32` and `f64` that the standard library takes from the system.
+/// Methods of `f32` and `f64` that call functions of the system.
 const SYSTEM_FUNCTIONS: &[&str] = &[
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "exp", "exp2",
     "exp_m1", "hypot", "ln", "ln_1p", "log", "log10", "log2", "powf", "sin", "sin_cos", "sinh", "tan",
     "tanh",
 ];
 
-/// Returns each call of such a method in these files. Tests do not count.
+/// Returns each call of such a method in these files, except in tests.
 pub(super) fn calls(files: &[PathBuf]) -> Result<Vec<(&Path, String)>> {
     let mut all = Vec::new();
     for file in files {

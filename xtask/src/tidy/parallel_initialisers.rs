@@ -1,5 +1,5 @@
-//! Parallel work inside the initialiser of a cell that several threads read. A thread of a pool that waits for the other
-//! threads may start on other work meanwhile; if that reads the same cell, it waits for itself, for ever.
+//! Parallel work inside the initialiser of a shared cell can deadlock. While a thread of a pool waits for other
+//! threads, it may run other work; if that work reads the same cell, the thread waits for itself.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,19 +13,19 @@ use super::cycles::{attributes, is_test};
 
 /// Methods that call their argument at most once, while other threads wait.
 const INITIALISING_METHODS: &[&str] = &["get_or_init", "get_or_try_init", "call_once", "call_once_force"];
-/// Types whose function `new` takes such an argument.
+/// Types whose function `new` takes an initialiser.
 const INITIALISED_TYPES: &[&str] = &["LazyLock", "LazyCell", "Lazy"];
-/// Methods of a pool that wait for its threads; those of parallel iterators begin with `par_` or `into_par_`.
+/// Methods of a pool that wait for its threads; methods of parallel iterators begin with `par_` or `into_par_`.
 const POOL_METHODS: &[&str] = &["install", "in_place_scope", "broadcast"];
-/// Functions of rayon that wait for nothing.
+/// Functions of rayon that do not wait.
 const HARMLESS_FUNCTIONS: &[&str] = &["current_num_threads", "current_thread_index", "yield_now"];
-/// Methods of the standard library, whatever methods of ours have the same name.
+/// Methods of the standard library; methods of this workspace with the same names are ignored.
 const STANDARD_METHODS: &[&str] = &["map", "join"];
 
 /// Returns each initialiser in these files that does parallel work, with the name of that work.
 ///
-/// Functions are told apart by their name and the type that they belong to; a function of the same file comes before
-/// others of its name. A call of a method is parallel work if all methods of that name are. Tests do not count.
+/// Functions are identified by name and type; a function of the same file has priority over others of its name. A
+/// method call is parallel work if all methods of that name are. Tests are ignored.
 pub(super) fn found(files: &[PathBuf]) -> Result<Vec<(&Path, String)>> {
     let mut functions: Functions = BTreeMap::new();
     let mut initialisers = Vec::new();
@@ -60,10 +60,10 @@ pub(super) fn found(files: &[PathBuf]) -> Result<Vec<(&Path, String)>> {
 /// The names that each function calls, by its name: `f`, `f@N` in file N, `Type::f`, and `.f` for methods.
 type Functions = BTreeMap<String, Vec<BTreeSet<String>>>;
 
-/// The name of all that waits for the threads of a pool.
+/// The name that stands for waiting for the threads of a pool.
 const POOL: &str = "rayon";
 
-/// Returns the names that stand for parallel work, directly or through other functions.
+/// Returns the names of functions that do parallel work, directly or through other functions.
 fn parallel(functions: &Functions) -> BTreeSet<String> {
     let mut parallel = BTreeSet::from([POOL.to_owned()]);
     loop {
@@ -90,9 +90,9 @@ struct FunctionReader {
     functions: Functions,
     /// The names that each initialiser calls.
     initialisers: Vec<BTreeSet<String>>,
-    /// The type whose functions are read.
+    /// The type of the current `impl` block.
     own_type: String,
-    /// Names that the closures of the function call, by the name of their variable.
+    /// The names that each closure of the function calls, by the variable of the closure.
     closures: BTreeMap<String, BTreeSet<String>>,
     /// Parameters and variables of the function.
     variables: BTreeSet<String>,
@@ -102,7 +102,7 @@ impl FunctionReader {
     fn calls(&self, read: impl FnOnce(&mut Calls<'_>)) -> BTreeSet<String> {
         let mut calls = Calls { own_type: &self.own_type, names: BTreeSet::new() };
         read(&mut calls);
-        // What a variable calls is known only for closures, which are read where they stand.
+        // A variable's calls are known only for closures, which are read at their definition.
         calls.names.retain(|name| !self.variables.contains(name));
         calls.names
     }
@@ -114,7 +114,7 @@ impl FunctionReader {
         self.closures.clear();
     }
 
-    /// Adds the argument of an initialising call: a closure, or the name of one or of a function.
+    /// Adds the argument of an initialising call: a closure, or the name of a closure or function.
     fn add_initialiser(&mut self, argument: &Expr) {
         let mut named = BTreeSet::new();
         let mut all = Calls { own_type: &self.own_type, names: BTreeSet::new() };
@@ -254,7 +254,7 @@ impl<'ast> Visit<'ast> for Calls<'_> {
         visit::visit_expr_call(self, call);
     }
 
-    /// Functions are also passed on to be called; a name alone is mostly a variable.
+    /// Functions are also passed as arguments; a single name is mostly a variable.
     fn visit_expr_path(&mut self, path: &'ast syn::ExprPath) {
         if path.path.segments.len() > 1 {
             self.add_path(&path.path);
@@ -285,7 +285,7 @@ impl<'ast> Visit<'ast> for Calls<'_> {
 mod tests {
     use super::*;
 
-    /// Returns the parallel work in the initialisers of a source.
+    /// Returns the parallel work in the initialisers of a source text.
     fn works(text: &str) -> Vec<String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.rs");
@@ -327,11 +327,11 @@ mod tests {
     #[test]
     fn other_work_is_not_found() {
         for text in [
-            // The value is made before.
+            // The value is computed before.
             "fn f(c: &C) { let made = v.par_iter().sum(); c.get_or_init(|| made); }",
             "fn f(c: &C) { c.get_or_init(|| rayon::current_num_threads()); }",
             "fn f(c: &C) { c.get_or_init(|| v.iter().sum()); v.par_iter().sum() }",
-            // A variable, and a function of the same file, with the name of one elsewhere.
+            // A variable, and a function of the same file, with the name of a parallel function elsewhere.
             "fn sort() { v.par_sort() } fn f(c: &C) { let sort = 1; c.get_or_init(|| g(sort)); }",
             "mod a { fn f(c: &C) { c.get_or_init(|| Plain::sort()); } } impl Tree { fn sort() { v.par_sort() } }",
             "fn sort() { v.par_sort() } fn f(c: &C, sort: impl Fn()) { c.get_or_init(|| sort()); }",

@@ -1,4 +1,4 @@
-//! Type names that stand more than once in a crate: a reader who looks for one should find one.
+//! Type names that a crate defines more than once: a search for a type should find one definition.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use syn::Item;
 use super::cycles::is_test;
 
 /// Returns each name of a struct, enum, union, trait or type alias that several modules of these files define, with the
-/// files. Tests do not count, nor types within functions, nor associated types.
+/// files. Ignores tests, types within functions, and associated types.
 pub(super) fn repeated(files: &[PathBuf]) -> Result<BTreeMap<String, Vec<&Path>>> {
     let mut defined: BTreeMap<String, Vec<&Path>> = BTreeMap::new();
     for file in files {
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_where_they_stand_twice() {
+    fn repeated_names_are_found() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| {
             let path = folder.path().join(name);
