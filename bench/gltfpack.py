@@ -4,10 +4,10 @@
     bench/gltfpack.py --gltfpack node_modules/.bin/gltfpack [--lodsmith target/release/lodsmith] FILE...
 
 gltfpack keeps names, materials, extras and all attributes (-kn -km -ke -kv) and all animation tracks (-ac), and does
-not resample them (-af 0), as lodsmith does. Bytes are those of the whole file without images, which neither changes. Errors are
-measured by `lodsmith compare` on what both files decode to: the RMS distance in percent of the diagonal, and the
-RMS angle of normals. The last columns are transformed vertices per triangle (ACMR) and bytes fetched per byte of
-vertices, by `lodsmith info`.
+not resample them (-af 0), as lodsmith does. Bytes are the file size without images, which neither program changes.
+`lodsmith compare` measures the errors of both decoded files: the RMS distance in percent of the diagonal, and the RMS
+angle of normals. The last columns are transformed vertices per triangle (ACMR) and bytes fetched per byte of vertices,
+from `lodsmith info`.
 """
 
 import argparse
@@ -31,12 +31,12 @@ def run(command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def fault(error):
+def last_line(error):
     lines = (error.stderr or error.stdout or "").strip().splitlines()
     return lines[-1] if lines else f"status {error.returncode}"
 
 
-def facts(lodsmith, source, path):
+def figures(lodsmith, source, path):
     compared = json.loads(run([lodsmith, "compare", "-q", source, path, "--json"]))
     info = json.loads(run([lodsmith, "info", "-q", path, "--json"]))
     rms = 100 * compared["rms"]["symmetric"] / compared["diagonal"]
@@ -65,10 +65,10 @@ def main():
                 run([args.gltfpack, "-i", plain, "-o", theirs, *keep])
             except subprocess.CalledProcessError as error:
                 program = pathlib.Path(error.cmd[0]).name
-                print(f"| {source.name} | {program} failed: {fault(error)} | | | | | |", flush=True)
+                print(f"| {source.name} | {program} failed: {last_line(error)} | | | | | |", flush=True)
                 continue
             sizes = [p.stat().st_size - image_bytes(p) for p in (theirs, ours)]
-            rows = [facts(args.lodsmith, plain, p) for p in (theirs, ours)]
+            rows = [figures(args.lodsmith, plain, p) for p in (theirs, ours)]
             cells = [source.name, *(f"{s:,}" for s in sizes), f"{sizes[1] / sizes[0]:.3f}"]
             cells.append(" / ".join(f"{r[0]:.2g}" for r in rows))
             cells.append(" / ".join(f"{r[2]['acmr']:.3f}" for r in rows))

@@ -24,7 +24,7 @@ impl Target {
     /// Parses `10%` or `1000`.
     ///
     /// # Errors
-    /// If it is neither.
+    /// If the text is neither.
     pub fn parse(text: &str) -> Result<Self> {
         let text = text.trim();
         let target = match text.strip_suffix('%') {
@@ -35,7 +35,7 @@ impl Target {
             Self::Percent(p) if !(p > 0.0 && p <= 100.0) => {
                 bail!("target {text} is not above 0 % and up to 100 %")
             }
-            Self::Faces(0) => bail!("target 0 leaves nothing"),
+            Self::Faces(0) => bail!("target 0 leaves no faces"),
             target => Ok(target),
         }
     }
@@ -48,7 +48,7 @@ impl Target {
         }
     }
 
-    /// Its name in tables.
+    /// The name of the target in tables.
     pub fn name(self) -> String {
         match self {
             Self::Percent(p) => format!("{p}%"),
@@ -57,8 +57,7 @@ impl Target {
     }
 }
 
-/// Names of the models in the tables, used if the folder has them: scans, parts, terrain, art, small and
-/// large.
+/// Names of the models in the tables, as far as the folder has them: scans, parts, terrain and art, small and large.
 pub const MODELS: &[&str] = &[
     "cow",
     "suzanne",
@@ -89,14 +88,14 @@ pub fn stem(path: &Path) -> String {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()
 }
 
-/// Returns true if the extension names a readable format, compressed or not.
+/// Returns whether the extension names a readable format, compressed or not.
 pub fn is_model(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
-    name.rsplit_once('.').is_some_and(|(_, ending)| Format::from_name(ending).is_some())
+    name.rsplit_once('.').is_some_and(|(_, extension)| Format::from_name(extension).is_some())
 }
 
-/// Returns all models under a folder, sorted by path; a file returns itself.
+/// Returns all models below a folder, sorted by path; for a file, returns the file.
 ///
 /// # Errors
 /// If there is no such file or folder.
@@ -141,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_are_read_and_refused() {
+    fn targets_are_parsed_or_refused() {
         assert_eq!(Target::parse("10%").unwrap().of(12_946), 1295);
         assert_eq!(Target::parse(" 100 ").unwrap().of(7), 100);
         for bad in ["", "0", "0%", "101%", "x", "-5", "NaN%"] {

@@ -1,5 +1,4 @@
-//! The exchange file of a benchmark lab: `i64` vertices, `i64` faces, `f64` positions, `i32` indices, little
-//! endian.
+//! The exchange file of a benchmark lab: `i64` vertices, `i64` faces, `f64` positions, `i32` indices, little endian.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
@@ -8,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use lodsmith_core::{Positions, Surface};
 
-/// A mesh from an exchange file; positions are single precision if that holds every coordinate exactly.
+/// A mesh from an exchange file; positions are single precision if that is exact for every coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exchange {
     /// One for each vertex.
@@ -27,11 +26,10 @@ impl Exchange {
     }
 }
 
-/// Reads an exchange file directly into its buffers, so that no freed memory is left that would hide a later
-/// peak.
+/// Reads an exchange file directly into buffers, so that no freed memory hides a later peak.
 ///
 /// # Errors
-/// If the file cannot be read or is short.
+/// If the file cannot be read or has a wrong length.
 pub fn read(path: &Path) -> Result<Exchange> {
     let context = || format!("reading {}", path.display());
     let file = File::open(path).with_context(context)?;
@@ -41,8 +39,8 @@ pub fn read(path: &Path) -> Result<Exchange> {
     file.read_exact(&mut head).with_context(context)?;
     let count = |at: usize| i64::from_le_bytes(head[at..at + 8].try_into().expect("eight bytes"));
     let (vertices, faces) = (count(0), count(8));
-    let wanted = i128::from(vertices) * 24 + i128::from(faces) * 12 + 16;
-    ensure!(vertices >= 0 && faces >= 0 && wanted == i128::from(bytes), "{}: wrong length", path.display());
+    let expected = i128::from(vertices) * 24 + i128::from(faces) * 12 + 16;
+    ensure!(vertices >= 0 && faces >= 0 && expected == i128::from(bytes), "{}: wrong length", path.display());
     let (vertices, faces) = (usize::try_from(vertices)?, usize::try_from(faces)?);
 
     let mut single: Vec<[f32; 3]> = Vec::with_capacity(vertices);
@@ -96,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_reads_back_in_the_precision_that_it_needs() {
+    fn files_are_read_in_the_required_precision() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.labm");
         for third in [0.25, 1.0 / 3.0] {
@@ -109,6 +107,6 @@ mod tests {
             assert!(got.positions.view().iter().eq(mesh.positions.view().iter()));
         }
         std::fs::write(&path, [1u8; 40]).unwrap();
-        assert!(read(&path).is_err(), "a header's word is held against the length of the file");
+        assert!(read(&path).is_err(), "the header is checked against the length of the file");
     }
 }

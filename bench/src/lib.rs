@@ -1,6 +1,6 @@
 //! Shared code of the programs that compare Lodsmith with other simplifiers.
 //!
-//! Nothing here is part of the product. Times are of this machine and this run; compare only within a table.
+//! This crate is not part of the product. Times depend on the machine and the run: compare only within a table.
 
 pub mod cases;
 pub mod lab;

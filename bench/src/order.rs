@@ -1,5 +1,4 @@
-//! Orders of vertices and faces in memory, which alone change times by a factor of two and more on large
-//! meshes.
+//! Memory orders of vertices and faces: they alone change times by a factor of two or more on large meshes.
 
 use lodsmith_core::sampling::Random;
 
@@ -20,7 +19,7 @@ impl Order {
     /// All orders.
     pub const ALL: [Self; 3] = [Self::File, Self::Morton, Self::Shuffled];
 
-    /// Its name in tables and options.
+    /// The name of the order in tables and options.
     pub const fn name(self) -> &'static str {
         match self {
             Self::File => "file",
@@ -69,7 +68,7 @@ fn renumbered(soup: &Soup, order: &[u32]) -> Soup {
     }
 }
 
-/// Returns Morton codes of the positions, 21 bits per axis, in a cube round all positions.
+/// Returns Morton codes of the positions, 21 bits per axis, in a cube around all positions.
 fn morton_codes(positions: &[[f32; 3]]) -> Vec<u64> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
@@ -111,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_moves_elements_and_nothing_else() {
+    fn an_order_changes_only_the_numbering() {
         let soup = crate::cases::torus(12, 7);
         for order in Order::ALL {
             let got = order.apply(&soup);

@@ -2,10 +2,10 @@
 
 use anyhow::{Context, Result};
 
-/// Runs all parallel work on the calling thread. To be called first in a program that times one thread.
+/// Runs all parallel work on the calling thread. Call it first in a program that times one thread.
 ///
 /// # Errors
-/// If a pool has been set up before.
+/// If a global thread pool exists already.
 pub fn one_thread() -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global()?;
     Ok(())
@@ -20,7 +20,7 @@ pub fn all_cores() -> Result<rayon::ThreadPool> {
     Ok(rayon::ThreadPoolBuilder::new().num_threads(cores).build()?)
 }
 
-/// Returns the processor time of this process in seconds, over all its threads.
+/// Returns the processor time of all threads of this process in seconds.
 #[cfg(unix)]
 pub fn cpu_seconds() -> f64 {
     let t = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -34,7 +34,7 @@ pub fn cpu_seconds() -> f64 {
     FIRST.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()
 }
 
-/// Resets the peak of resident memory and returns the memory resident now, in kibibytes. Linux only.
+/// Resets the peak of resident memory and returns the current resident memory, in kibibytes. Linux only.
 ///
 /// # Errors
 /// If the system has no such figures.
@@ -52,7 +52,8 @@ pub fn peak_kb() -> Result<u64> {
 }
 
 fn status_kb(key: &str) -> Result<u64> {
-    let text = std::fs::read_to_string("/proc/self/status").context("this system tells no memory figures")?;
+    let text =
+        std::fs::read_to_string("/proc/self/status").context("this system reports no memory figures")?;
     let value = text.lines().find_map(|l| l.strip_prefix(key)).and_then(|l| l.split_whitespace().next());
     Ok(value.with_context(|| format!("no {key} in /proc/self/status"))?.parse()?)
 }

@@ -1,4 +1,4 @@
-//! A mesh as simplifiers take it: single-precision positions and three indices per face.
+//! A mesh as plain buffers: single-precision positions and three indices per face.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub struct Soup {
 }
 
 impl Soup {
-    /// Reads a file in any supported format and welds it, so that all contestants start from the same mesh.
+    /// Reads a file in any supported format and welds it, so that all simplifiers start from the same mesh.
     ///
     /// # Errors
     /// The errors of the reader.
@@ -90,8 +90,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn welding_joins_equal_places_and_drops_what_is_no_face() {
-        // Two triangles with separate corners, one of them with -0, and one face that names a position twice.
+    fn welding_merges_equal_positions_and_drops_degenerate_faces() {
+        // Two triangles with separate corners, one of them with -0, and one face that has a position twice.
         let soup = Soup {
             positions: vec![
                 [9.0; 3],

@@ -5,7 +5,7 @@ pub fn min(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Returns the median (the mean of the middle two for an even count); NaN if there are no values.
+/// Returns the median (for an even count, the mean of the middle two); NaN if there are no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

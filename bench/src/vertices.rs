@@ -1,11 +1,10 @@
-//! A mesh as engines have it: buffers of vertices with weighted attributes, where a seam has several vertices at one
-//! position.
+//! A mesh as vertex buffers of a game engine, with weighted attributes: a seam has several vertices at one position.
 
 use anyhow::Result;
 use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId};
 
-/// Attribute weights that meshoptimizer's documentation proposes for normals and colours; those of texture
-/// coordinates follow from their scale.
+/// Attribute weights that meshoptimizer's documentation suggests for normals and colours; the weights of texture
+/// coordinates depend on their scale.
 const NORMAL_WEIGHT: f32 = 0.5;
 const COLOR_WEIGHT: f32 = 1.0;
 
@@ -16,7 +15,7 @@ pub struct VertexBuffers {
     pub positions: Vec<[f32; 3]>,
     /// Three for each face.
     pub indices: Vec<u32>,
-    /// Normal, texture coordinates and colour of each vertex, as far as the mesh has them.
+    /// Normal, texture coordinates and colour of each vertex; those that the mesh lacks are absent.
     pub values: Vec<f32>,
     /// The weight of each of these values.
     pub weights: Vec<f32>,
@@ -24,10 +23,11 @@ pub struct VertexBuffers {
 }
 
 impl VertexBuffers {
-    /// Returns the buffers of a mesh: a vertex for each wedge.
+    /// Returns the buffers of a mesh, with one vertex for each wedge.
     pub fn new(mesh: &TriMesh) -> Self {
-        let place = |w: usize| mesh.positions().view().get(mesh.vertex_of(WedgeId::new(w))).map(|x| x as f32);
-        let positions = (0..mesh.wedge_count()).map(place).collect();
+        let position =
+            |w: usize| mesh.positions().view().get(mesh.vertex_of(WedgeId::new(w))).map(|x| x as f32);
+        let positions = (0..mesh.wedge_count()).map(position).collect();
         let widths =
             [mesh.normals().map_or(0, |_| 3), mesh.uvs().map_or(0, |_| 2), mesh.colors().map_or(0, |_| 3)];
         let mut weights = vec![NORMAL_WEIGHT; widths[0]];
@@ -48,7 +48,7 @@ impl VertexBuffers {
         self.indices.len() / 3
     }
 
-    /// Returns the mesh of these buffers, with a vertex for each that they have.
+    /// Returns the mesh of these buffers, with the same vertices.
     ///
     /// # Errors
     /// If an index is out of range.
@@ -81,8 +81,8 @@ impl VertexBuffers {
     }
 }
 
-/// Returns the weight that meshoptimizer's documentation proposes: 1 / sqrt(mean area in texture space), bounded for
-/// tiny areas.
+/// Returns the weight of texture coordinates that meshoptimizer's documentation suggests: 1 / sqrt(mean area in texture
+/// space), bounded for tiny areas.
 fn uv_weight(mesh: &TriMesh, uvs: &[[f32; 2]]) -> f32 {
     let doubled = |t: &[WedgeId; 3]| {
         let [a, b, c] = t.map(|w| uvs[w.index()]);

@@ -6,7 +6,7 @@ use lodsmith_io::gltf::Scene;
 use meshopt::EncodeExpMode;
 use serde_json::{Value, json};
 
-/// A random generator that gives the same numbers on every machine.
+/// A reproducible random generator.
 struct Xorshift(u64);
 
 impl Xorshift {
@@ -23,7 +23,7 @@ impl Xorshift {
     }
 }
 
-/// A compressed stream and its fields in the extension.
+/// A compressed stream and its properties in the glTF extension.
 struct Stream {
     bytes: Vec<u8>,
     mode: &'static str,
@@ -61,11 +61,11 @@ fn read(
         views.push(view);
         bin.extend_from_slice(bytes);
     }
-    let far = vertices as f32 - 1.0;
+    let last = vertices as f32 - 1.0;
     let index_type = if indices.stride == 2 { 5123 } else { 5125 };
     let mut accessors = vec![
         json!({ "bufferView": 0, "componentType": 5126, "count": vertices, "type": "VEC3",
-            "min": [0, 0, 0], "max": [far, 0, 0] }),
+            "min": [0, 0, 0], "max": [last, 0, 0] }),
         json!({ "bufferView": 1, "componentType": index_type, "count": indices.count, "type": "SCALAR" }),
     ];
     let mut attributes = json!({ "POSITION": 0 });
@@ -117,7 +117,7 @@ fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
 fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
     let mut all: Vec<u32> = (0..vertices as u32).collect();
     for _ in 0..vertices {
-        // Some near the previous index, some anywhere.
+        // Some indices near the previous one, some anywhere.
         let last = all[all.len() - 1];
         let near = (last + (random.next() % 7) as u32).saturating_sub(3).min(vertices as u32 - 1);
         all.push(if !random.next().is_multiple_of(4) {
@@ -137,8 +137,8 @@ fn indices(vertices: usize, random: &mut Xorshift) -> (Stream, Vec<u32>) {
     };
     if is_list {
         // The encoder rotates the corners of triangles; the crate's own decoder gives the result.
-        let turned = meshopt::decode_index_buffer::<u32>(&bytes, all.len()).unwrap();
-        all.copy_from_slice(&turned);
+        let rotated = meshopt::decode_index_buffer::<u32>(&bytes, all.len()).unwrap();
+        all.copy_from_slice(&rotated);
     }
     let stride = if vertices < 65535 && random.next().is_multiple_of(2) { 2 } else { 4 };
     (Stream { bytes, mode, filter: "NONE", count: all.len(), stride }, all)
@@ -171,9 +171,9 @@ fn elements<const STRIDE: usize>(random: &mut Xorshift) {
                 let (got_corners, got) = read(vertices, &packed, &stream, 5121, 1);
                 assert_eq!(got_corners, corners);
                 for (k, values) in got.iter().enumerate() {
-                    let wanted: Vec<f32> =
+                    let expected: Vec<f32> =
                         data.iter().flat_map(|e| e[4 * k..4 * k + 4].iter().map(|&b| f32::from(b))).collect();
-                    assert_eq!(*values, wanted, "{vertices} of {STRIDE}, version {version}, level {level}");
+                    assert_eq!(*values, expected, "{vertices} of {STRIDE}, version {version}, level {level}");
                 }
             }
         }
@@ -223,56 +223,80 @@ fn filters() {
         .collect();
     let colors: Vec<[f32; 4]> = fours.iter().map(|v| v.map(f32::abs)).collect();
     let (packed, _) = indices(vertices, &mut random);
-    let check = |bytes: Vec<u8>, filter, stride, component, size, wanted: Vec<f32>, most: f32| {
+    let check = |bytes: Vec<u8>, filter, stride, component, size, expected: Vec<f32>, max_error: f32| {
         let stream = Stream { bytes, mode: "ATTRIBUTES", filter, count: vertices, stride };
         let (_, got) = read(vertices, &packed, &stream, component, size);
-        let far = got[0].iter().zip(&wanted).fold(0f32, |m, (a, b)| m.max((a - b).abs()));
-        assert!(far <= most, "{filter}: off by {far}");
+        let error = got[0].iter().zip(&expected).fold(0f32, |m, (a, b)| m.max((a - b).abs()));
+        assert!(error <= max_error, "{filter}: off by {error}");
     };
     for bits in [4, 8, 12, 16] {
         let numbers = meshopt::encode_filter_oct::<i16>(&directions, bits);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_oct(&mut wanted);
-        check(bytes, "OCTAHEDRAL", 8, 5122, 2, wanted.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
+        let mut expected = numbers;
+        meshopt::decode_filter_oct(&mut expected);
+        check(
+            bytes,
+            "OCTAHEDRAL",
+            8,
+            5122,
+            2,
+            expected.iter().flatten().map(|&x| f32::from(x)).collect(),
+            1.0,
+        );
 
         let numbers = meshopt::encode_filter_quat(&fours, bits);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_quat(&mut wanted);
-        check(bytes, "QUATERNION", 8, 5122, 2, wanted.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
+        let mut expected = numbers;
+        meshopt::decode_filter_quat(&mut expected);
+        check(
+            bytes,
+            "QUATERNION",
+            8,
+            5122,
+            2,
+            expected.iter().flatten().map(|&x| f32::from(x)).collect(),
+            1.0,
+        );
 
         let numbers = meshopt::encode_filter_exp(&fours, bits, EncodeExpMode::Separate);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_exp(&mut wanted);
+        let mut expected = numbers;
+        meshopt::decode_filter_exp(&mut expected);
         check(
             bytes,
             "EXPONENTIAL",
             16,
             5126,
             4,
-            wanted.iter().flatten().map(|&x| f32::from_bits(x)).collect(),
+            expected.iter().flatten().map(|&x| f32::from_bits(x)).collect(),
             0.0,
         );
 
         let numbers = meshopt::encode_filter_color::<u16>(&colors, bits);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_color(&mut wanted);
-        check(bytes, "COLOR", 8, 5123, 2, wanted.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
+        let mut expected = numbers;
+        meshopt::decode_filter_color(&mut expected);
+        check(bytes, "COLOR", 8, 5123, 2, expected.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
     }
     for bits in [4, 8] {
         let numbers = meshopt::encode_filter_oct::<i8>(&directions, bits);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_oct(&mut wanted);
-        check(bytes, "OCTAHEDRAL", 4, 5120, 1, wanted.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
+        let mut expected = numbers;
+        meshopt::decode_filter_oct(&mut expected);
+        check(
+            bytes,
+            "OCTAHEDRAL",
+            4,
+            5120,
+            1,
+            expected.iter().flatten().map(|&x| f32::from(x)).collect(),
+            1.0,
+        );
 
         let numbers = meshopt::encode_filter_color::<u8>(&colors, bits);
         let bytes = meshopt::encode_vertex_buffer(&numbers).unwrap();
-        let mut wanted = numbers;
-        meshopt::decode_filter_color(&mut wanted);
-        check(bytes, "COLOR", 4, 5121, 1, wanted.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
+        let mut expected = numbers;
+        meshopt::decode_filter_color(&mut expected);
+        check(bytes, "COLOR", 4, 5121, 1, expected.iter().flatten().map(|&x| f32::from(x)).collect(), 1.0);
     }
 }

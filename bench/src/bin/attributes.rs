@@ -1,7 +1,7 @@
-//! Comparison with meshoptimizer on meshes with attributes: time, and errors of shape, normals, texture
-//! coordinates and colours.
+//! Comparison with meshoptimizer on meshes with attributes: time, and errors of shape, normals, texture coordinates and
+//! colours.
 
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -71,14 +71,14 @@ fn best_of(times: usize, run: impl Fn() -> anyhow::Result<TriMesh>) -> anyhow::R
     let mut best = f64::INFINITY;
     let mut result = None;
     for _ in 0..times {
-        let begin = Instant::now();
+        let started = Instant::now();
         result = Some(run()?);
-        best = best.min(begin.elapsed().as_secs_f64());
+        best = best.min(started.elapsed().as_secs_f64());
     }
     Ok((result.context("no run")?, best))
 }
 
-/// Runs meshoptimizer's attribute-aware simplification; its vertices are our wedges.
+/// Runs meshoptimizer's simplification with attributes; its vertices are Lodsmith's wedges.
 fn rival(mesh: &TriMesh, target: usize) -> anyhow::Result<TriMesh> {
     let mut buffers = VertexBuffers::new(mesh);
     let VertexBuffers { positions, indices, values, weights, .. } = &mut buffers;

@@ -3,14 +3,13 @@
 //! ```text
 //! cluster FILE|FOLDER... [--targets 50%,10%,1%] [--reps N] [--samples N] [--no-errors] [--two-stage]
 //! ```
-//! meshoptimizer runs first, once; its triangle count is our target. Times are the minimum of the
-//! repetitions, which alternate, in millions of input triangles per second, from buffers in memory to buffers
-//! in memory. One thread is measured in processor time, two threads in wall-clock time, which needs an idle
-//! machine. The speedups with two threads are wall-clock ratios against our single thread and against
-//! meshoptimizer. Their means cover meshes of 60,000 triangles or more: smaller ones use one thread. Errors
-//! are two-way, in percent of the diagonal; ratios are ours over theirs. With `--two-stage` our own
-//! `memoryless` replaces meshoptimizer.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+//! meshoptimizer runs first, once; its triangle count is the target of Lodsmith. Speeds come from the minimum time of
+//! the repetitions, which alternate, in millions of input triangles per second, from buffers in memory to buffers in
+//! memory. One thread is measured in processor time, two threads in wall-clock time, which needs an idle machine. The
+//! speedups with two threads are wall-clock ratios to Lodsmith on one thread and to meshoptimizer. Their means cover
+//! meshes of 60,000 triangles or more: smaller ones use one thread. Errors are two-way, in percent of the diagonal;
+//! ratios are Lodsmith over meshoptimizer. With `--two-stage`, Lodsmith's `memoryless` replaces meshoptimizer.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints to its standard streams")]
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -42,10 +41,10 @@ fn parse() -> Result<Args> {
         errors: true,
         two_stage: false,
     };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
-        match word.as_str() {
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
+        match argument.as_str() {
             "--targets" => {
                 args.targets = value()?.split(',').map(Target::parse).collect::<Result<Vec<_>>>()?
             }
@@ -53,7 +52,7 @@ fn parse() -> Result<Args> {
             "--samples" => args.samples = value()?.parse()?,
             "--no-errors" => args.errors = false,
             "--two-stage" => args.two_stage = true,
-            place if !place.starts_with('-') => args.models.extend(cases::find_models(place.as_ref())?),
+            path if !path.starts_with('-') => args.models.extend(cases::find_models(path.as_ref())?),
             other => bail!("unknown option {other}"),
         }
     }
@@ -115,12 +114,12 @@ fn main() -> Result<()> {
             false => None,
         };
         for target in &args.targets {
-            let wanted = target.of(faces);
+            let requested = target.of(faces);
             let theirs = |n: usize| match args.two_stage {
                 true => one.install(|| ours(&mesh, n, MethodKind::Memoryless.into())),
                 false => sloppy(&mesh, n),
             };
-            let (_, rival) = theirs(wanted)?;
+            let (_, rival) = theirs(requested)?;
             let count = rival.face_count();
             if count == 0 || count >= faces {
                 eprintln!("{}: nothing to compare at {}", cases::stem(path), target.name());
@@ -131,7 +130,7 @@ fn main() -> Result<()> {
             let mut times: [Vec<f64>; 5] = Default::default();
             let mut result = Soup::default();
             for _ in 0..args.reps {
-                let (seconds, _) = theirs(wanted)?;
+                let (seconds, _) = theirs(requested)?;
                 times[0].push(seconds[0]);
                 times[4].push(seconds[1]);
                 let (seconds, first) = one.install(mine)?;

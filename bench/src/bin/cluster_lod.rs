@@ -1,10 +1,10 @@
-//! Cuts of cluster levels of detail: measured distance to the mesh against the recorded error.
+//! Cuts of cluster levels of detail: measured distance to the mesh, compared with the recorded error.
 //!
 //! ```text
 //! cluster_lod FILE...
 //! ```
 //! Distances are two-way maxima, measured (`compare`, with a million samples), in percent of the diagonal.
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::path::Path;
 use std::time::Instant;
@@ -16,7 +16,7 @@ use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 
 /// Requested errors, in percent of the diagonal.
 const REQUESTED_ERRORS: [f64; 7] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
-/// Samples on each side.
+/// Samples on each mesh.
 const SAMPLES: usize = 1_000_000;
 
 fn main() -> Result<()> {
@@ -41,25 +41,27 @@ fn report(name: &str, mesh: &TriMesh) -> Result<()> {
         mesh.face_count(),
         lod.clusters().len()
     );
-    println!("| asked | faces | said | from the cut | from the mesh | measured/said |");
+    println!("| requested | faces | recorded | from the cut | from the mesh | measured/recorded |");
     println!("|---|---|---|---|---|---|");
     let reference = Prepared::new(&mesh.surface())?;
     let diagonal = mesh.positions().view().bounds().map_or(1.0, |b| b.diagonal());
     let mut options = CompareOptions::default();
     options.samples = SAMPLES;
     let mut last = 0;
-    for asked in REQUESTED_ERRORS {
-        let cut = lod.cut(asked / 100.0 * diagonal);
-        let said = 100.0 * cut.iter().map(|&id| lod.cluster_bound(id).error).fold(0.0, f64::max) / diagonal;
-        let light = lod.mesh_of(&cut);
-        if light.face_count() == last || said == 0.0 {
+    for requested in REQUESTED_ERRORS {
+        let cut = lod.cut(requested / 100.0 * diagonal);
+        let recorded =
+            100.0 * cut.iter().map(|&id| lod.cluster_bound(id).error).fold(0.0, f64::max) / diagonal;
+        let simplified = lod.mesh_of(&cut);
+        if simplified.face_count() == last || recorded == 0.0 {
             continue;
         }
-        last = light.face_count();
-        let far = compare_prepared(&reference, &Prepared::new(&light.surface())?, &options).hausdorff;
-        let [there, back] = [far.backward, far.forward].map(|d| 100.0 * d / diagonal);
-        let ratio = there.max(back) / said;
-        println!("| {asked} | {last} | {said:.4} | {there:.4} | {back:.4} | {ratio:.3} |");
+        last = simplified.face_count();
+        let distances =
+            compare_prepared(&reference, &Prepared::new(&simplified.surface())?, &options).hausdorff;
+        let [from_cut, from_mesh] = [distances.backward, distances.forward].map(|d| 100.0 * d / diagonal);
+        let ratio = from_cut.max(from_mesh) / recorded;
+        println!("| {requested} | {last} | {recorded:.4} | {from_cut:.4} | {from_mesh:.4} | {ratio:.3} |");
     }
     Ok(())
 }

@@ -1,14 +1,15 @@
-//! The index calls of the C interface beside those of meshoptimizer: same buffers, same process, one thread.
+//! The index calls of the C interface compared with meshoptimizer's: same buffers, same process, one thread.
 //!
 //! ```text
-//! indices [FILE|FOLDER]... [--call CALL]... [--targets 50%,25%,10%] [--errors 0.001,0.01,0.05] [--reps N] [--samples N]
+//! indices [FILE|FOLDER]... [--call CALL]... [--targets 50%,25%,10%] [--errors 0.001,0.01,0.05] [--reps N]
+//!         [--samples N]
 //! ```
-//! Calls: `plain` (`meshopt_simplify`, equal positions welded), `seams` (the same with the vertices of the file, several
-//! at one position where attributes differ), `attributes` (`meshopt_simplifyWithAttributes`) and `update`
-//! (`meshopt_simplifyWithUpdate`). Ours runs to the count that meshoptimizer reached. Then both run to an error alone,
-//! whatever the count. Times are processor times, the least of the repetitions, which alternate; errors are two-way RMS
-//! distances in percent of the diagonal, and means of the differences of attributes.
-#![allow(clippy::print_stdout, reason = "a program speaks on its standard output")]
+//! Calls: `plain` (`meshopt_simplify`, equal positions welded), `seams` (the same with the vertices of the file,
+//! several at one position where attributes differ), `attributes` (`meshopt_simplifyWithAttributes`) and `update`
+//! (`meshopt_simplifyWithUpdate`). Lodsmith runs to the count that meshoptimizer reached. Then both run to an error
+//! limit without a target count. Times are minimum processor times of the repetitions, which alternate; errors are
+//! two-way RMS distances in percent of the diagonal, and mean attribute differences.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +22,7 @@ use lodsmith_core::mesh::weld::weld_mesh;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 use lodsmith_io::{ReadOptions, read_path};
 
-/// An error bound that never ends a run.
+/// An error limit that never stops a run.
 const ANY_ERROR: f32 = 1e10;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -53,7 +54,7 @@ struct Args {
     samples: usize,
 }
 
-/// Parses a list with commas; an empty text is an empty list.
+/// Parses a comma-separated list; an empty text is an empty list.
 fn list<T>(text: &str, parse: impl Fn(&str) -> Result<T>) -> Result<Vec<T>> {
     text.split(',').filter(|x| !x.is_empty()).map(parse).collect()
 }
@@ -68,16 +69,16 @@ fn parse() -> Result<Args> {
         reps: 7,
         samples: 100_000,
     };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
-        match word.as_str() {
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
+        match argument.as_str() {
             "--call" => args.calls.push(Call::parse(&value()?)?),
             "--targets" => args.targets = list(&value()?, Target::parse)?,
             "--errors" => args.errors = list(&value()?, |x| Ok(x.parse()?))?,
             "--reps" => args.reps = value()?.parse()?,
             "--samples" => args.samples = value()?.parse()?,
-            place => args.models.extend(cases::find_models(Path::new(place))?),
+            path => args.models.extend(cases::find_models(Path::new(path))?),
         }
     }
     ensure!(!args.models.is_empty() && args.reps > 0, "no models: name files or a folder");
@@ -87,7 +88,7 @@ fn parse() -> Result<Args> {
     Ok(args)
 }
 
-/// A mesh with the call that simplifies it.
+/// A mesh and the call that simplifies it.
 struct Case {
     call: Call,
     name: String,
@@ -106,7 +107,7 @@ impl Case {
             let mut options = ReadOptions::default();
             options.folder = path.parent().map(Path::to_owned);
             let mut mesh = weld_mesh(&read_path(path, &options)?.mesh, None).mesh;
-            // meshoptimizer knows no materials.
+            // meshoptimizer does not support materials.
             mesh.set_regions(None)?;
             mesh
         };
@@ -115,7 +116,7 @@ impl Case {
     }
 }
 
-/// One result: seconds, the buffers afterwards and the returned error.
+/// The result of one run: seconds, buffers and the returned error.
 struct Outcome {
     seconds: f64,
     buffers: VertexBuffers,
@@ -201,18 +202,18 @@ fn ours(case: &Case, target: usize, limit: f32) -> Result<Outcome> {
 }
 
 fn best_of(reps: usize, mut run: impl FnMut(usize) -> Result<Outcome>) -> Result<[Outcome; 2]> {
-    let mut least = [run(0)?, run(1)?];
+    let mut best = [run(0)?, run(1)?];
     for rep in 1..reps {
         for who in [rep % 2, 1 - rep % 2] {
             let outcome = run(who)?;
-            least[who].seconds = least[who].seconds.min(outcome.seconds);
+            best[who].seconds = best[who].seconds.min(outcome.seconds);
         }
     }
-    Ok(least)
+    Ok(best)
 }
 
-/// Errors of a result: RMS distance in percent of the diagonal, and mean differences of normals in degrees, texture
-/// coordinates and colours.
+/// Returns the errors of a result: RMS distance in percent of the diagonal, and mean differences of normals in degrees,
+/// texture coordinates and colours.
 fn errors(case: &Case, result: &VertexBuffers, samples: usize) -> Result<[Option<f64>; 4]> {
     let mut options = CompareOptions::default();
     options.samples = samples;
@@ -293,10 +294,10 @@ fn print_tables(cases: &[Case], args: &Args) -> Result<()> {
     let mut all = Ratios::default();
     for case in cases {
         for target in &args.targets {
-            let wanted = 3 * target.of(case.buffers.face_count());
-            let reached = theirs(case, wanted, ANY_ERROR)?.buffers.indices.len();
+            let requested = 3 * target.of(case.buffers.face_count());
+            let reached = theirs(case, requested, ANY_ERROR)?.buffers.indices.len();
             let both = best_of(args.reps, |who| match who {
-                0 => theirs(case, wanted, ANY_ERROR),
+                0 => theirs(case, requested, ANY_ERROR),
                 _ => ours(case, reached, ANY_ERROR),
             })?;
             println!("{}", row(case, &target.name(), &both, args.samples, &mut all)?);

@@ -3,15 +3,14 @@
 //!
 //! ```text
 //! io_speed [--side N] [--reps N] [--threads N] [--only NAME] [--cpu]
-//!     --side N       N × N vertices, 1000 if not said
-//!     --reps N       repetitions, 5 if not said; the least time counts
-//!     --threads N    threads of Lodsmith, 1 if not said (the others have one)
-//!     --only NAME    those rows whose name contains this
-//!     --cpu          processor time of all threads instead of the clock's
+//!     --side N       N × N vertices, default 1000
+//!     --reps N       repetitions, default 5; the minimum time counts
+//!     --threads N    threads of Lodsmith, default 1 (the others have one)
+//!     --only NAME    only rows whose name contains this
+//!     --cpu          processor time of all threads instead of wall-clock time
 //! ```
-//! All readers read the same file from the same folder in turn, from a path to positions and indices in
-//! memory.
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+//! All readers read the same file in turn, from a path to positions and indices in memory.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
@@ -24,8 +23,8 @@ use lodsmith_io::{ReadOptions, read_path};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{PropertyAccess, PropertyAccessResult};
 
-/// The forms of OBJ corners: name of the row, and whether they have texture coordinates, normals, and a seam
-/// where the texture coordinates wrap round.
+/// The forms of OBJ corners: name of the row, and whether they have texture coordinates, normals, and a seam where the
+/// texture coordinates wrap around.
 const FORMS: [(&str, Form); 4] = [
     ("obj v", Form { uvs: false, normals: false, seam: false }),
     ("obj v//vn", Form { uvs: false, normals: true, seam: false }),
@@ -41,49 +40,49 @@ struct Form {
 }
 
 fn main() -> Result<()> {
-    let mut race = ReadBenchmark { side: 1000, reps: 5, cpu: false };
+    let mut benchmark = ReadBenchmark { side: 1000, reps: 5, cpu: false };
     let (mut threads, mut only) = (1usize, String::new());
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().with_context(|| format!("{word} wants a value"));
-        match word.as_str() {
-            "--side" => race.side = value()?.parse()?,
-            "--reps" => race.reps = value()?.parse()?,
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
+        match argument.as_str() {
+            "--side" => benchmark.side = value()?.parse()?,
+            "--reps" => benchmark.reps = value()?.parse()?,
             "--threads" => threads = value()?.parse()?,
             "--only" => only = value()?,
-            "--cpu" => race.cpu = true,
+            "--cpu" => benchmark.cpu = true,
             other => bail!(
                 "unknown argument {other}; usage: io_speed [--side N] [--reps N] [--threads N] [--only NAME] [--cpu]"
             ),
         }
     }
-    ensure!(race.side >= 3 && race.reps >= 1, "--side must be 3 or more, --reps 1 or more");
+    ensure!(benchmark.side >= 3 && benchmark.reps >= 1, "--side must be 3 or more, --reps 1 or more");
     if threads == 1 {
         process::one_thread()?;
     } else {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
 
-    let mesh = cases::torus(race.side, race.side);
+    let mesh = cases::torus(benchmark.side, benchmark.side);
     let (vertices, faces) = (mesh.positions.len(), mesh.face_count());
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("torus");
-    let (side, clock) = (race.side, if race.cpu { "processor" } else { "clock" });
+    let (side, clock) = (benchmark.side, if benchmark.cpu { "processor" } else { "wall-clock" });
     println!(
-        "{vertices} vertices, {faces} triangles, {threads} threads, {clock} time, least of {}\n",
-        race.reps
+        "{vertices} vertices, {faces} triangles, {threads} threads, {clock} time, minimum of {}\n",
+        benchmark.reps
     );
     println!("| file | MB | lodsmith s | rival | rival s | lodsmith / rival | bytes alone s |");
     println!("|---|--:|--:|---|--:|--:|--:|");
     for (name, form) in FORMS.iter().filter(|(name, _)| name.contains(&only)) {
         write_obj(&mesh, side, *form, &path.with_extension("obj"))?;
         let wedges = if form.seam { (side + 1) * (side + 1) } else { vertices };
-        race.run(name, &path.with_extension("obj"), (wedges, faces), "tobj 4.0.5", &by_tobj)?;
+        benchmark.run(name, &path.with_extension("obj"), (wedges, faces), "tobj 4.0.5", &read_with_tobj)?;
     }
     if "ply".contains(&only) {
         write_ply(&mesh, &path.with_extension("ply"))?;
         let path = path.with_extension("ply");
-        race.run("ply", &path, (vertices, faces), "ply-rs-bw 4.0.1", &by_ply_rs)?;
+        benchmark.run("ply", &path, (vertices, faces), "ply-rs-bw 4.0.1", &read_with_ply_rs)?;
     }
     Ok(())
 }
@@ -104,7 +103,7 @@ impl ReadBenchmark {
         path: &Path,
         counts: (usize, usize),
         rival: &str,
-        by: &dyn Fn(&Path) -> Result<Soup>,
+        read_with: &dyn Fn(&Path) -> Result<Soup>,
     ) -> Result<()> {
         let (mut ours, mut theirs, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..self.reps {
@@ -115,7 +114,7 @@ impl ReadBenchmark {
             ensure!(got == counts, "lodsmith read {got:?} vertices and faces of {counts:?}");
             drop(loaded);
 
-            let (seconds, soup) = self.time(|| by(path));
+            let (seconds, soup) = self.time(|| read_with(path));
             theirs.push(seconds);
             let soup = soup?;
             let got = (soup.positions.len(), soup.face_count());
@@ -137,9 +136,9 @@ impl ReadBenchmark {
     }
 
     fn time<T>(&self, work: impl FnOnce() -> T) -> (f64, T) {
-        let (cpu, began) = (process::cpu_seconds(), Instant::now());
+        let (cpu, started) = (process::cpu_seconds(), Instant::now());
         let done = work();
-        let clock = began.elapsed().as_secs_f64();
+        let clock = started.elapsed().as_secs_f64();
         (if self.cpu { process::cpu_seconds() - cpu } else { clock }, done)
     }
 }
@@ -166,8 +165,8 @@ fn write_obj(mesh: &Soup, side: usize, form: Form, path: &Path) -> Result<()> {
     for (face, t) in mesh.indices.chunks_exact(3).enumerate() {
         write!(out, "f")?;
         for &v in t {
-            // The grid square of the face; corners past the last row wrap round to the first row, one turn
-            // on.
+            // The grid square of the face; corners beyond the last row wrap around to the first row, with texture
+            // coordinates one turn further.
             let (i, j) = (face / 2 / side, face / 2 % side);
             let (a, b) = (v as usize / side, v as usize % side);
             let turned = |at: usize, from: usize| if at < from { side } else { at };
@@ -204,8 +203,8 @@ fn write_ply(mesh: &Soup, path: &Path) -> Result<()> {
     Ok(out.flush()?)
 }
 
-/// Reads by tobj as its documentation shows for rendering: one index per corner, polygons triangulated.
-fn by_tobj(path: &Path) -> Result<Soup> {
+/// Reads with tobj as its documentation shows for rendering: one index per corner, polygons triangulated.
+fn read_with_tobj(path: &Path) -> Result<Soup> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
     let (models, _) = tobj::load_obj(path, &options)?;
     let mesh = models.into_iter().next().context("no model")?.mesh;
@@ -213,8 +212,8 @@ fn by_tobj(path: &Path) -> Result<Soup> {
     Ok(Soup { positions, indices: mesh.indices })
 }
 
-/// Reads by ply-rs as its documentation shows for speed: directly into structures of the caller.
-fn by_ply_rs(path: &Path) -> Result<Soup> {
+/// Reads with ply-rs as its documentation shows for speed: directly into structures of the caller.
+fn read_with_ply_rs(path: &Path) -> Result<Soup> {
     struct Vertex([f32; 3]);
     impl PropertyAccess for Vertex {
         fn new() -> Self {

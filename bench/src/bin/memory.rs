@@ -3,10 +3,10 @@
 //! ```text
 //! memory FILE [--target 10%] [--no-fit] [--threads N]
 //! ```
-//! The file is read and welded, passed to a second process as plain buffers and simplified there, so that
-//! memory freed by the reader cannot hide the peak. The figure is the peak resident memory during the run
-//! minus the resident memory with the mesh loaded; it includes the result. Linux only.
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+//! The mesh is read and welded, passed to a second process as plain buffers and simplified there, so that memory freed
+//! by the reader cannot hide the peak. The figure is the peak resident memory during the run minus the resident memory
+//! with the loaded mesh; it includes the result. Linux only.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::path::Path;
 use std::process::Command;
@@ -28,11 +28,11 @@ struct Args {
 fn parse() -> Result<Args> {
     let mut args =
         Args { file: String::new(), target: Target::Percent(10.0), fit: true, threads: 1, second: false };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        match word.as_str() {
-            "--target" => args.target = Target::parse(&words.next().context("--target needs a value")?)?,
-            "--threads" => args.threads = words.next().context("--threads needs a value")?.parse()?,
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--target" => args.target = Target::parse(&arguments.next().context("--target needs a value")?)?,
+            "--threads" => args.threads = arguments.next().context("--threads needs a value")?.parse()?,
             "--no-fit" => args.fit = false,
             "--exchange" => args.second = true,
             file if !file.starts_with('-') && args.file.is_empty() => file.clone_into(&mut args.file),
@@ -75,7 +75,7 @@ fn measure(args: &Args) -> Result<()> {
     let result = simplify_with(surface.clone(), &options, &mut NoControl)?;
     let beyond = process::peak_kb()?.saturating_sub(base);
     println!(
-        "{faces} -> {} faces, fit {}, {} thread(s): mesh loaded {:.1} MB, peak beyond it {:.1} MB, {:.1} bytes a triangle",
+        "{faces} -> {} faces, fit {}, {} thread(s): mesh loaded {:.1} MB, peak above it {:.1} MB, {:.1} bytes per triangle",
         result.report.faces,
         if result.report.fitted { "on" } else { "off" },
         args.threads,

@@ -1,13 +1,13 @@
-//! Lodsmith as a peer of a benchmark lab that times simplifiers, each in its own process.
+//! Lodsmith as a program of a benchmark lab that times simplifiers, each in its own process.
 //!
 //! ```text
-//! peer-lodsmith --modes                          prints the modes, one a line
-//! peer-lodsmith MODE IN OUT TARGET REPS SECONDS  simplifies IN to TARGET triangles up to REPS times (none is begun after
-//!                                                SECONDS), writes the last result to OUT and prints one line of JSON
+//! peer-lodsmith --modes                          prints the modes, one per line
+//! peer-lodsmith MODE IN OUT TARGET REPS SECONDS  simplifies IN to TARGET triangles up to REPS times (none is started
+//!                                                after SECONDS), writes the last result to OUT and prints one
+//!                                                line of JSON
 //! ```
-//! IN and OUT are exchange files (see `lab.rs`). One thread. Everything from buffers to buffers counts as
-//! `run`.
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+//! IN and OUT are exchange files (see `lab.rs`). Runs on one thread. `run` is the time from buffers to buffers.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::path::Path;
 use std::time::Instant;
@@ -65,10 +65,10 @@ fn main() -> Result<()> {
     let surface = mesh.surface()?;
 
     let base_kb = process::reset_peak_kb()?;
-    let began = Instant::now();
+    let started = Instant::now();
     let mut rows = Vec::new();
     let mut last = None;
-    while rows.len() < reps && (rows.is_empty() || began.elapsed().as_secs_f64() <= seconds) {
+    while rows.len() < reps && (rows.is_empty() || started.elapsed().as_secs_f64() <= seconds) {
         drop(last.take()); // The previous result must not count in the peak.
         let (cpu, wall) = (process::cpu_seconds(), Instant::now());
         let result = simplify_with(surface.clone(), &options, &mut NoControl)?;

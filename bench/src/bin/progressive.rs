@@ -1,15 +1,15 @@
-//! Levels of a progressive mesh compared with single runs of the same size: errors, times, speed of collapses
+//! Levels of a progressive mesh compared with single runs to the same face count: errors, times, speed of collapses
 //! and splits.
 //!
 //! ```text
 //! progressive FILE... [--method NAME] [--between] [--scrub]
 //! ```
-//! RMS is two-way and measured (`compare`, the same seed for both), in percent of the diagonal. With
-//! `--between`, levels lie halfway between checkpoints, where the moves of the fit are blended. Ratios are in
-//! brackets where the errors differ by less than single-precision rounding: they mean nothing there. With
-//! `--scrub` there are no single runs: the mesh goes down to 1 % and back, split by split, and must be
-//! bit-identical on the way up and on the way down.
-#![allow(clippy::print_stdout, reason = "a program speaks on standard output")]
+//! RMS is two-way and measured (`compare`, the same seed for both), in percent of the diagonal. With `--between`,
+//! levels lie halfway between checkpoints, where the moves of the fit are interpolated. Ratios are in brackets where
+//! the errors differ by less than single-precision rounding: they have no meaning there. With `--scrub` there are no
+//! single runs: the mesh goes down to 1 % and back in single splits, and each level must be bit-identical in both
+//! directions.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
@@ -32,11 +32,11 @@ const ROUNDING: f64 = 1e-5;
 fn main() -> Result<()> {
     let mut options = SimplifyOptions::default();
     let (mut files, mut between, mut scrubs) = (Vec::new(), false, false);
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        match word.as_str() {
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
             "--method" => {
-                let name = words.next().context("--method needs a name")?;
+                let name = arguments.next().context("--method needs a name")?;
                 let known = MethodKind::ALL.into_iter().find(|m| m.name() == name);
                 options.method = known.with_context(|| format!("no method {name}"))?.into();
             }
@@ -62,57 +62,58 @@ fn main() -> Result<()> {
 
 fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) -> Result<()> {
     let start = Instant::now();
-    let mut road = Progressive::build(mesh, options, &mut NoControl)?;
+    let mut progressive = Progressive::build(mesh, options, &mut NoControl)?;
     let secs = start.elapsed().as_secs_f64();
     let start = Instant::now();
     simplify(mesh, &with_face_stop(options, 1))?;
     let single = start.elapsed().as_secs_f64();
-    let data = road.splits();
+    let data = progressive.splits();
     let fits: usize = data.checkpoints.iter().map(|c| c.vertices.len()).sum();
     println!(
-        "\n## {name}: {} faces, {} levels, base {} faces; built in {secs:.2} s (one run to the end {single:.2} s), {} \
-         checkpoints with {fits} moves, {:.2} corners and {:.2} moves a split",
+        "\n## {name}: {} faces, {} levels, base {} faces; built in {secs:.2} s (one run down to the end {single:.2} s), {} \
+         checkpoints with {fits} moves, {:.2} corners and {:.2} moves per split",
         mesh.face_count(),
-        road.levels(),
+        progressive.levels(),
         data.counts[0].faces,
         data.checkpoints.len(),
         data.corners.at.len() as f64 / data.len().max(1) as f64,
         data.places.at.len() as f64 / data.len().max(1) as f64,
     );
-    ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input");
-    let (down, up) = steps_per_second(&mut road);
+    ensure!(progressive.mesh()? == *mesh, "{name}: the full level is not the input");
+    let (down, up) = steps_per_second(&mut progressive);
     println!("{:.1} M contractions/s, {:.1} M splits/s", down / 1e6, up / 1e6);
-    ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input after the walk");
+    ensure!(progressive.mesh()? == *mesh, "{name}: the full level is not the input after all splits");
     println!(
-        "| faces | % | single | road | fitted | road/single | fitted/single | estimate/fitted | texture, fitted/single |"
+        "| faces | % | single | level | fitted | level/single | fitted/single | estimate/fitted | texture, fitted/single |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let reference = Prepared::new(&mesh.surface())?;
-    for share in shares(&road, between) {
-        let goal = ((mesh.face_count() as f64 * share / 100.0).round() as usize).max(4);
-        if goal < 20 || road.splits().counts[0].faces as usize > goal {
+    for percentage in percentages(&progressive, between) {
+        let goal = ((mesh.face_count() as f64 * percentage / 100.0).round() as usize).max(4);
+        if goal < 20 || progressive.splits().counts[0].faces as usize > goal {
             continue;
         }
-        road.to_faces(goal);
+        progressive.to_faces(goal);
         let single = simplify(mesh, &with_face_stop(options, goal))?;
         let rms = |m: &TriMesh| -> Result<f64> {
             let compared =
                 compare_prepared(&reference, &Prepared::new(&m.surface())?, &CompareOptions::default());
             Ok(100.0 * compared.rms.symmetric / compared.diagonal)
         };
-        let (one, raw, fitted) = (rms(&single.mesh)?, rms(&road.mesh()?)?, rms(&road.fitted_mesh()?)?);
+        let (one, raw, fitted) =
+            (rms(&single.mesh)?, rms(&progressive.mesh()?)?, rms(&progressive.fitted_mesh()?)?);
         let texture = |m: &TriMesh| -> Result<Option<f64>> {
             let compared = compare_attributes(mesh, m, &CompareOptions::default())?;
             Ok(compared.uvs.map(|t| t.rms.symmetric))
         };
-        let texture = match (texture(&single.mesh)?, texture(&road.fitted_mesh()?)?) {
+        let texture = match (texture(&single.mesh)?, texture(&progressive.fitted_mesh()?)?) {
             (Some(one), Some(fitted)) => format!("{:.3}", fitted / one),
             _ => String::new(),
         };
-        let estimate = 100.0 * road.error() / single.report.error.diagonal;
+        let estimate = 100.0 * progressive.error() / single.report.error.diagonal;
         println!(
-            "| {} | {share:.1} | {one:.5} | {raw:.5} | {fitted:.5} | {} | {} | {:.2} | {texture} |",
-            road.face_count(),
+            "| {} | {percentage:.1} | {one:.5} | {raw:.5} | {fitted:.5} | {} | {} | {:.2} | {texture} |",
+            progressive.face_count(),
             ratio(raw, one),
             ratio(fitted, one),
             estimate / fitted
@@ -121,54 +122,54 @@ fn report(name: &str, mesh: &TriMesh, options: &SimplifyOptions, between: bool) 
     Ok(())
 }
 
-/// Goes down to 1 % and back in steps of one split; compares whole buffers at many levels on the way.
+/// Goes down to 1 % and back in single splits; compares whole buffers at many levels.
 fn scrub(name: &str, mesh: &TriMesh, options: &SimplifyOptions) -> Result<()> {
-    let mut road = Progressive::build(mesh, options, &mut NoControl)?;
-    let lowest = road.level_of_faces(mesh.face_count() / 100);
-    let every = (road.top() - lowest).div_ceil(CHECKED_LEVELS).max(1);
-    let mut seen = vec![sum(&road)];
-    while road.level() > lowest {
-        road.coarsen(1);
-        if (road.top() - road.level()).is_multiple_of(every) {
-            seen.push(sum(&road));
+    let mut progressive = Progressive::build(mesh, options, &mut NoControl)?;
+    let lowest = progressive.level_of_faces(mesh.face_count() / 100);
+    let interval = (progressive.top() - lowest).div_ceil(CHECKED_LEVELS).max(1);
+    let mut seen = vec![hash_of(&progressive)];
+    while progressive.level() > lowest {
+        progressive.coarsen(1);
+        if (progressive.top() - progressive.level()).is_multiple_of(interval) {
+            seen.push(hash_of(&progressive));
         }
     }
-    let (faces, levels) = (road.face_count(), seen.len());
+    let (faces, levels) = (progressive.face_count(), seen.len());
     loop {
-        if (road.top() - road.level()).is_multiple_of(every) {
-            let is_same = seen.pop() == Some(sum(&road));
-            ensure!(is_same, "{name}: level {} is another on the way up", road.level());
+        if (progressive.top() - progressive.level()).is_multiple_of(interval) {
+            let is_same = seen.pop() == Some(hash_of(&progressive));
+            ensure!(is_same, "{name}: level {} differs on the way up", progressive.level());
         }
-        if road.level() == road.top() {
+        if progressive.level() == progressive.top() {
             break;
         }
-        road.refine(1);
+        progressive.refine(1);
     }
-    ensure!(road.mesh()? == *mesh, "{name}: the full level is not the input");
+    ensure!(progressive.mesh()? == *mesh, "{name}: the full level is not the input");
     println!(
-        "{name}: {} faces, down to {faces} and back in {} steps; {levels} levels the same, and the full one the input",
+        "{name}: {} faces, down to {faces} and back in {} steps; {levels} levels are identical, and the full level is the input",
         mesh.face_count(),
-        2 * (road.top() - lowest)
+        2 * (progressive.top() - lowest)
     );
     Ok(())
 }
 
-/// Returns a hash of everything in the current level, including its fit.
-fn sum(road: &Progressive) -> u64 {
-    let mut sum = DefaultHasher::new();
+/// Returns a hash of the current level with its fit.
+fn hash_of(progressive: &Progressive) -> u64 {
+    let mut hash = DefaultHasher::new();
     let bits = |p: [f64; 3]| p.map(f64::to_bits);
-    road.faces().hash(&mut sum);
-    road.vertex_map().hash(&mut sum);
-    road.regions().hash(&mut sum);
-    road.values().iter().for_each(|x| x.to_bits().hash(&mut sum));
-    road.positions().iter().for_each(|p| bits(p).hash(&mut sum));
-    road.fitted_positions().view().iter().for_each(|p| bits(p).hash(&mut sum));
-    sum.finish()
+    progressive.faces().hash(&mut hash);
+    progressive.vertex_map().hash(&mut hash);
+    progressive.regions().hash(&mut hash);
+    progressive.values().iter().for_each(|x| x.to_bits().hash(&mut hash));
+    progressive.positions().iter().for_each(|p| bits(p).hash(&mut hash));
+    progressive.fitted_positions().view().iter().for_each(|p| bits(p).hash(&mut hash));
+    hash.finish()
 }
 
-fn ratio(error: f64, of_single: f64) -> String {
-    let ratio = error / of_single;
-    if (error - of_single).abs() < ROUNDING { format!("({ratio:.3})") } else { format!("{ratio:.3}") }
+fn ratio(error: f64, single: f64) -> String {
+    let ratio = error / single;
+    if (error - single).abs() < ROUNDING { format!("({ratio:.3})") } else { format!("{ratio:.3}") }
 }
 
 /// Returns the same options with a face count as the stop.
@@ -178,30 +179,30 @@ fn with_face_stop(options: &SimplifyOptions, faces: usize) -> SimplifyOptions {
     options
 }
 
-/// Returns fractions of the faces: round ones, or halfway between checkpoints.
-fn shares(road: &Progressive, between: bool) -> Vec<f64> {
+/// Returns percentages of the faces: round ones, or halfway between checkpoints.
+fn percentages(progressive: &Progressive, between: bool) -> Vec<f64> {
     if !between {
         return PERCENTAGES.to_vec();
     }
-    let counts = &road.splits().counts;
-    let all = f64::from(counts[road.top()].faces);
+    let counts = &progressive.splits().counts;
+    let all = f64::from(counts[progressive.top()].faces);
     let faces = |level: u32| f64::from(counts[level as usize].faces);
-    let pairs = road.splits().checkpoints.windows(2).rev();
+    let pairs = progressive.splits().checkpoints.windows(2).rev();
     pairs.map(|c| 100.0 * (faces(c[0].level) * faces(c[1].level)).sqrt() / all).step_by(2).collect()
 }
 
 /// Returns collapses and splits per second, over the whole sequence.
-fn steps_per_second(road: &mut Progressive) -> (f64, f64) {
-    let rounds = MIN_STEPS.div_ceil(road.top().max(1)).min(200);
+fn steps_per_second(progressive: &mut Progressive) -> (f64, f64) {
+    let rounds = MIN_STEPS.div_ceil(progressive.top().max(1)).min(200);
     let (mut down, mut up) = (0.0, 0.0);
     for _ in 0..rounds {
         let start = Instant::now();
-        road.to_level(0);
+        progressive.to_level(0);
         down += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        road.to_level(road.top());
+        progressive.to_level(progressive.top());
         up += start.elapsed().as_secs_f64();
     }
-    let steps = (rounds * road.top()) as f64;
+    let steps = (rounds * progressive.top()) as f64;
     (steps / down, steps / up)
 }

@@ -3,10 +3,10 @@
 //! ```text
 //! render [FILE...] [--faces 70000,1000000] [--size 1024x768] [--reps N] [--threads N]
 //! ```
-//! Files are rendered as they are read; `--faces` adds wavy spheres of about these sizes. Default view and
-//! light, four samples per pixel. Times are processor times over all threads: minimum and median of the
-//! repetitions. What is computed once per subject (its normals) is not counted.
-#![allow(clippy::print_stdout, reason = "a program speaks on its standard streams")]
+//! Files are rendered as read; `--faces` adds wavy spheres of about these sizes. Default view and light, four samples
+//! per pixel. Times are processor times over all threads: minimum and median of the repetitions. Normals are computed
+//! once per subject and not timed.
+#![allow(clippy::print_stdout, reason = "a program prints to standard output")]
 
 use std::f32::consts::{PI, TAU};
 
@@ -25,14 +25,14 @@ struct Args {
 
 fn parse() -> Result<Args> {
     let mut args = Args { files: Vec::new(), faces: Vec::new(), size: [1024, 768], reps: 15, threads: 1 };
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
-        match word.as_str() {
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
+        match argument.as_str() {
             "--faces" => args.faces = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
             "--size" => {
                 let size = value()?;
-                let (width, height) = size.split_once('x').context("--size wants WIDTHxHEIGHT")?;
+                let (width, height) = size.split_once('x').context("--size needs WIDTHxHEIGHT")?;
                 args.size = [width.parse()?, height.parse()?];
             }
             "--reps" => args.reps = value()?.parse()?,
@@ -52,14 +52,14 @@ fn parse() -> Result<Args> {
 fn ball(faces: usize) -> Result<TriMesh> {
     let rows = ((faces as f32 / 4.0).sqrt() as u32).max(3);
     let columns = rows * 2;
-    let place = |a: f32, b: f32| {
+    let position = |a: f32, b: f32| {
         let r = 1.0 + 0.08 * (8.0 * a).sin() * (8.0 * b).sin();
         [a.sin() * b.cos() * r, a.cos() * r, a.sin() * b.sin() * r]
     };
     let angle = |i: u32, n: u32, turn: f32| i as f32 / n as f32 * turn;
     let positions = (0..=rows)
         .flat_map(|r| (0..=columns).map(move |c| (r, c)))
-        .map(|(r, c)| place(angle(r, rows, PI), angle(c, columns, TAU)))
+        .map(|(r, c)| position(angle(r, rows, PI), angle(c, columns, TAU)))
         .collect();
     let triangles = (0..rows)
         .flat_map(|r| (0..columns).map(move |c| r * (columns + 1) + c))
@@ -72,7 +72,7 @@ fn ball(faces: usize) -> Result<TriMesh> {
 fn main() -> Result<()> {
     let args = parse()?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    println!("| model | faces | shading | processor ms, least | median |");
+    println!("| model | faces | shading | processor ms, minimum | median |");
     println!("|---|--:|---|--:|--:|");
     for &faces in &args.faces {
         measure("ball", Subject::of_mesh(ball(faces)?)?, &args, &pool)?;
@@ -97,9 +97,9 @@ fn measure(name: &str, subject: Subject, args: &Args, pool: &rayon::ThreadPool) 
         pool.install(|| render(&subject, &view))?;
         let mut times = Vec::new();
         for _ in 0..args.reps {
-            let begin = process::cpu_seconds();
+            let started = process::cpu_seconds();
             pool.install(|| render(&subject, &view))?;
-            times.push((process::cpu_seconds() - begin) * 1e3);
+            times.push((process::cpu_seconds() - started) * 1e3);
         }
         let lines = if wireframe { " with lines" } else { "" };
         let (faces, least, median) = (subject.face_count(), stats::min(&times), stats::median(&times));

@@ -4,15 +4,15 @@
 //! rivals [FILE|FOLDER]... [--models FOLDER] [--all] [--quick] [--only TEXT] [--targets 50%,10%,1%,1000,100]
 //!        [--orders file,morton,shuffled] [--clock wall|cpu] [--reps N] [--samples N] [--no-errors] [--json FILE]
 //! ```
-//! From a folder, the models of `cases::MODELS` are used, with `--all` every file; `--only` keeps models
-//! whose name contains TEXT. Every mesh is welded first, the same for all. A time runs from positions and
-//! indices in memory to positions and indices in memory, preparation included, in wall-clock time or, on a
-//! shared machine, in processor time (`--clock cpu`); the repetitions of the three alternate. meshoptimizer
-//! runs in its plain mode (which keeps the given positions) and in the mode that moves them (`update`), whose
-//! copy of the input is not timed. Errors are two-way, in percent of the diagonal. They are the same for
-//! every order up to noise, so they are measured once, in the order of the file. A meshoptimizer result above
-//! 1.02 × the target counts in no comparison.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program speaks on its standard streams")]
+//! From a folder, the program uses the models of `cases::MODELS`, or every file with `--all`; `--only` keeps models
+//! whose name contains TEXT. Every mesh is welded first, the same for all. Times are measured from positions and
+//! indices in memory to positions and indices in memory, including preparation, in wall-clock time or, on a shared
+//! machine, in processor time (`--clock cpu`); the repetitions of the three alternate. meshoptimizer runs in its plain
+//! mode (which keeps the given positions) and in the mode that moves them (`update`), whose copy of the input is not
+//! timed. Errors are two-way, in percent of the diagonal. They are the same for every order up to noise, so they are
+//! measured once, in the order of the file. A meshoptimizer result above 1.02 × the target is left out of all
+//! comparisons.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints to its standard streams")]
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -40,15 +40,15 @@ struct Args {
 }
 
 fn parse() -> Result<Args> {
-    let (mut places, mut only, mut all, mut quick) = (Vec::<PathBuf>::new(), String::new(), false, false);
+    let (mut inputs, mut only, mut all, mut quick) = (Vec::<PathBuf>::new(), String::new(), false, false);
     let mut targets = None;
     let mut orders = None;
     let (mut reps, mut samples, mut errors, mut json) = (None, 100_000, true, None);
-    let mut words = std::env::args().skip(1);
-    while let Some(word) = words.next() {
-        let mut value = || words.next().with_context(|| format!("{word} needs a value"));
-        match word.as_str() {
-            "--models" => places.push(value()?.into()),
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
+        match argument.as_str() {
+            "--models" => inputs.push(value()?.into()),
             "--only" => only = value()?,
             "--all" => all = true,
             "--quick" => quick = true,
@@ -73,31 +73,31 @@ fn parse() -> Result<Args> {
             "--samples" => samples = value()?.parse()?,
             "--no-errors" => errors = false,
             "--json" => json = Some(value()?.into()),
-            place if !place.starts_with('-') => places.push(place.into()),
+            path if !path.starts_with('-') => inputs.push(path.into()),
             other => bail!("unknown option {other}"),
         }
     }
-    ensure!(!places.is_empty(), "no models: name files or a folder");
+    ensure!(!inputs.is_empty(), "no models: name files or a folder");
     let mut models = Vec::new();
-    for place in &places {
-        let named = place.is_file();
+    for input in &inputs {
+        let named = input.is_file();
         let of_table = |stem: &str| all || named || cases::MODELS.contains(&stem);
-        models.extend(cases::find_models(place)?.into_iter().filter(|p| {
+        models.extend(cases::find_models(input)?.into_iter().filter(|p| {
             let stem = cases::stem(p);
             of_table(&stem) && stem.contains(&only)
         }));
     }
     if quick {
-        // Quick mode: two small models of different kinds, or whatever was given by name.
+        // Quick mode: two small models of different kinds, or the named ones.
         models.retain(|p| {
-            !only.is_empty() || places.contains(p) || matches!(&*cases::stem(p), "bunny" | "fandisk")
+            !only.is_empty() || inputs.contains(p) || matches!(&*cases::stem(p), "bunny" | "fandisk")
         });
         targets.get_or_insert_with(|| vec![Target::Percent(10.0), Target::Percent(1.0)]);
         orders.get_or_insert_with(|| vec![Order::File]);
         reps = reps.or(Some(5));
         samples = samples.min(20_000);
     }
-    ensure!(!models.is_empty(), "none of the models is there");
+    ensure!(!models.is_empty(), "none of the models exists");
     ensure!(reps != Some(0), "--reps must be 1 or more");
     Ok(Args {
         models,
@@ -110,7 +110,7 @@ fn parse() -> Result<Args> {
     })
 }
 
-/// Returns the repetitions for a mesh of this size: more for short runs, which are noisier.
+/// Returns the number of repetitions for a mesh of this size: more for short runs, which are noisier.
 fn default_reps(faces: usize) -> usize {
     match faces {
         0..20_000 => 25,
@@ -121,10 +121,10 @@ fn default_reps(faces: usize) -> usize {
     }
 }
 
-/// The contestants, in the order of columns.
-const CONTESTANTS: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
+/// The simplifiers, in column order.
+const SIMPLIFIERS: [&str; 3] = ["lodsmith", "meshopt plain", "meshopt update"];
 
-/// An error bound that never stops meshoptimizer, so that the count alone does; its square is still finite.
+/// An error limit that never stops meshoptimizer, so that only the count does; its square is still finite.
 const ANY_ERROR: f32 = 1e10;
 
 fn lodsmith_run(mesh: &Soup, target: usize) -> Result<(f64, Soup)> {
@@ -164,13 +164,13 @@ fn update_run(mesh: &Soup, target: usize) -> (f64, Soup) {
     (seconds, out.compacted())
 }
 
-/// A timer that uses the clock of the whole run.
+/// A timer that uses the selected clock.
 struct Clock {
     wall: Instant,
     cpu: f64,
 }
 
-/// True if times are processor times.
+/// Whether times are processor times.
 static USE_CPU_TIME: OnceLock<bool> = OnceLock::new();
 
 impl Clock {
@@ -198,9 +198,9 @@ struct Case {
     model: String,
     faces: usize,
     target: String,
-    wanted: usize,
+    requested: usize,
     order: Order,
-    /// Seconds of each repetition, in the order of [`CONTESTANTS`].
+    /// Seconds of each repetition, in the order of [`SIMPLIFIERS`].
     times: [Vec<f64>; 3],
     /// Triangles of each result.
     faces_left: [usize; 3],
@@ -208,24 +208,25 @@ struct Case {
 }
 
 impl Case {
-    fn least(&self, who: usize) -> f64 {
+    fn min_time(&self, who: usize) -> f64 {
         stats::min(&self.times[who])
     }
     fn rivals_that_reached(&self) -> impl Iterator<Item = usize> + '_ {
-        let most = (self.wanted as f64 * 1.02) as usize + 2;
-        (1..CONTESTANTS.len()).filter(move |&who| self.faces_left[who] <= most)
+        let most = (self.requested as f64 * 1.02) as usize + 2;
+        (1..SIMPLIFIERS.len()).filter(move |&who| self.faces_left[who] <= most)
     }
-    /// Our time over that of the faster rival; over the faster of all rivals if none reached the target.
+    /// Lodsmith's time divided by the time of the fastest rival that reached the target, or of the fastest rival if
+    /// none did.
     fn ratio(&self) -> f64 {
         let faster =
-            |all: &mut dyn Iterator<Item = usize>| all.map(|who| self.least(who)).fold(f64::MAX, f64::min);
+            |all: &mut dyn Iterator<Item = usize>| all.map(|who| self.min_time(who)).fold(f64::MAX, f64::min);
         let mut rivals = faster(&mut self.rivals_that_reached());
         if rivals == f64::MAX {
-            rivals = faster(&mut (1..CONTESTANTS.len()));
+            rivals = faster(&mut (1..SIMPLIFIERS.len()));
         }
-        self.least(0) / rivals
+        self.min_time(0) / rivals
     }
-    /// The minimum of each error measure over the rivals that reached the target; `None` if none did.
+    /// The minimum of each error over the rivals that reached the target; `None` if none did.
     fn best_rival(&self) -> Option<Errors> {
         let errors = self.errors?;
         self.rivals_that_reached().map(|who| errors[who]).reduce(|a, b| [0, 1, 2].map(|k| a[k].min(b[k])))
@@ -241,10 +242,10 @@ impl Case {
             self.faces,
             self.target,
             self.order.name(),
-            self.least(0),
-            self.least(1),
+            self.min_time(0),
+            self.min_time(1),
             mark(1),
-            self.least(2),
+            self.min_time(2),
             mark(2),
             self.ratio(),
             three(self.errors.map(|e| e[0])),
@@ -254,19 +255,19 @@ impl Case {
     fn json(&self) -> Value {
         let who = |k: usize| {
             json!({
-                "min_s": self.least(k), "median_s": stats::median(&self.times[k]), "faces": self.faces_left[k],
+                "min_s": self.min_time(k), "median_s": stats::median(&self.times[k]), "faces": self.faces_left[k],
                 "mean": self.errors.map(|e| e[k][0]), "rms": self.errors.map(|e| e[k][1]), "max": self.errors.map(|e| e[k][2]),
             })
         };
         json!({
-            "model": self.model, "faces": self.faces, "target": self.target, "wanted": self.wanted,
+            "model": self.model, "faces": self.faces, "target": self.target, "wanted": self.requested,
             "order": self.order.name(), "repetitions": self.times[0].len(), "ratio": self.ratio(),
-            CONTESTANTS[0]: who(0), CONTESTANTS[1]: who(1), CONTESTANTS[2]: who(2),
+            SIMPLIFIERS[0]: who(0), SIMPLIFIERS[1]: who(1), SIMPLIFIERS[2]: who(2),
         })
     }
 }
 
-/// Number of decimals that shows four significant digits.
+/// Returns the number of decimals that show four significant digits.
 fn digits(x: f64) -> usize {
     (3 - x.abs().log10().floor() as i32).clamp(0, 9) as usize
 }
@@ -299,19 +300,19 @@ fn main() -> Result<()> {
         for &order in &args.orders {
             let ordered = order.apply(&mesh);
             for (target, known) in targets.iter().zip(&mut known) {
-                let wanted = target.of(faces);
+                let requested = target.of(faces);
                 let mut times: [Vec<f64>; 3] = Default::default();
                 let mut results: [Soup; 3] = Default::default();
                 let reps = args.reps.unwrap_or_else(|| default_reps(faces));
                 for rep in 0..reps {
-                    // The starting contestant rotates, so that nobody always runs after the same one.
-                    for turn in 0..CONTESTANTS.len() {
-                        let who = (rep + turn) % CONTESTANTS.len();
+                    // The first simplifier rotates, so that none always runs after the same one.
+                    for turn in 0..SIMPLIFIERS.len() {
+                        let who = (rep + turn) % SIMPLIFIERS.len();
                         let (seconds, result) = match who {
-                            0 => lodsmith_run(&ordered, wanted)
+                            0 => lodsmith_run(&ordered, requested)
                                 .with_context(|| format!("{model} to {}", target.name()))?,
-                            1 => plain_run(&ordered, wanted)?,
-                            _ => update_run(&ordered, wanted),
+                            1 => plain_run(&ordered, requested)?,
+                            _ => update_run(&ordered, requested),
                         };
                         times[who].push(seconds);
                         results[who] = result;
@@ -332,7 +333,7 @@ fn main() -> Result<()> {
                     model: model.clone(),
                     faces,
                     target: target.name(),
-                    wanted,
+                    requested,
                     order,
                     times,
                     faces_left: results.map(|r| r.face_count()),
@@ -369,13 +370,13 @@ fn summary(cases: &[Case]) -> Summary {
         if let Some(mean) = stats::geometric_mean(ratios.iter().copied()) {
             let worst = ratios.iter().copied().fold(0.0, f64::max);
             text += &format!(
-                "Time {name} triangles: {mean:.2} × the faster of meshoptimizer's two (geometric mean of {} cases), at worst {worst:.2} ×.\n",
+                "Time {name} triangles: {mean:.2} × the faster mode of meshoptimizer (geometric mean of {} cases), at worst {worst:.2} ×.\n",
                 ratios.len()
             );
             json.insert(key.into(), json!({"cases": ratios.len(), "ratio": mean, "worst": worst}));
         }
     }
-    // All orders share their errors: each model and target counts once.
+    // All orders have the same errors: each model and target counts once.
     let mut seen = std::collections::HashSet::new();
     let once: Vec<&Case> = cases.iter().filter(|c| seen.insert((&c.model, &c.target))).collect();
     for (k, measure) in ["mean", "rms", "max"].into_iter().enumerate() {
@@ -387,7 +388,7 @@ fn summary(cases: &[Case]) -> Summary {
             let won = pairs.iter().filter(|(ours, theirs)| ours <= theirs).count();
             let share = won as f64 / pairs.len() as f64;
             text += &format!(
-                "Error, {measure}: {mean:.2} × the better of the two (geometric mean), not above it in {won} of {} cases ({:.0} %).\n",
+                "Error, {measure}: {mean:.2} × the better mode of meshoptimizer (geometric mean), not above it in {won} of {} cases ({:.0} %).\n",
                 pairs.len(),
                 share * 100.0
             );
@@ -409,7 +410,7 @@ mod tests {
             model: format!("m{faces}"),
             faces,
             target: "100".into(),
-            wanted: 100,
+            requested: 100,
             order: Order::File,
             times: times.map(|t| vec![t, t * 2.0]),
             faces_left: left,
@@ -418,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rival_that_missed_the_target_is_no_yardstick() {
+    fn a_rival_that_missed_the_target_is_ignored() {
         let missed = case(1000, [2.0, 1.0, 4.0], [100, 500, 100], [[1.0; 3], [0.1; 3], [2.0; 3]]);
         assert_eq!(missed.ratio(), 0.5);
         assert_eq!(missed.best_rival(), Some([2.0; 3]));
@@ -427,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn the_summary_counts_small_and_large_apart() {
+    fn the_summary_separates_small_and_large_meshes() {
         let errors = [[1.0, 1.0, 3.0], [2.0; 3], [4.0; 3]];
         let cases =
             [case(1000, [2.0, 1.0, 1.0], [100; 3], errors), case(300_000, [1.0, 2.0, 2.0], [100; 3], errors)];
@@ -438,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn rivals_speak_our_language() {
+    fn meshoptimizer_gives_valid_results() {
         let mesh = cases::torus(40, 20);
         for (_, result) in [plain_run(&mesh, 400).unwrap(), update_run(&mesh, 400)] {
             assert!(result.face_count() <= 400 && result.face_count() > 300);
@@ -447,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_show_four_digits() {
+    fn four_significant_digits_are_shown() {
         assert_eq!((digits(12.3456), digits(0.001_234_5), digits(123_456.0)), (2, 6, 0));
     }
 }
