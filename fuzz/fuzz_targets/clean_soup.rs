@@ -1,4 +1,4 @@
-//! Cleans a small random triangle soup: it terminates, the result has none of the defects that are always
+//! Cleans a small random triangle soup: cleaning terminates, the result has none of the defects that are always
 //! removed, and cleaning it again changes nothing.
 #![no_main]
 
@@ -16,22 +16,22 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let (out, report) = (&cleaned.mesh, &cleaned.report);
     assert_eq!((report.faces, report.vertices), (out.face_count(), out.vertex_count()));
     assert!(out.face_count() <= mesh.face_count(), "more faces than before");
-    assert!(out.positions().view().iter().flatten().all(f64::is_finite), "a coordinate that is no number");
+    assert!(out.positions().view().iter().flatten().all(f64::is_finite), "a non-finite coordinate");
     for t in out.surface().triangles() {
-        assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
+        assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face has a vertex twice");
     }
     if options.non_manifold == NonManifold::Cut {
         assert_eq!((report.remaining.non_manifold_edges, report.remaining.non_manifold_vertices), (0, 0));
     }
-    // A component can fall below the size limit only when faces between components are removed, and welding
-    // moves others together.
+    // With pruning or welding, a second run may remove more: faces that joined components may be gone, and welding
+    // moves vertices together.
     if options.weld.is_none() && options.prune.is_none() {
         match clean(out, &options, &mut NoControl) {
             Ok(Cleaned { report: again, .. }) => {
                 assert_eq!((again.non_finite_faces, again.degenerate_faces, again.duplicate_faces), (0, 0, 0));
             }
-            // Faces without area that had to stay may go when others have.
-            Err(why) => assert!(report.remaining.zero_area_faces > 0, "it has faces: {why}"),
+            // Faces of zero area that had to stay may be removable after the removal of others.
+            Err(why) => assert!(report.remaining.zero_area_faces > 0, "the result has faces: {why}"),
         }
     }
 });

@@ -1,5 +1,5 @@
-//! Reads an OBJ with untrusted libraries and images in files beside it: a mesh or an error, never a panic,
-//! and writing it again creates no file outside the target folder.
+//! Reads an OBJ with untrusted material libraries and images in the same folder: a mesh or an error, never a panic; and
+//! writing it again creates no file outside the target folder.
 #![no_main]
 
 use std::fs;
@@ -8,22 +8,22 @@ use std::sync::Arc;
 use lodsmith_io::{Format, WriteOptions, read_path, write_path};
 
 /// Separator between the files.
-const BETWEEN: &[u8] = b"\n====\n";
+const SEPARATOR: &[u8] = b"\n====\n";
 /// The files in order; the last one gets the rest.
 const FILES: [&str; 4] = ["a.obj", "a.mtl", "a.png", "b.mtl"];
 const SECRET: &str = "what nobody else may read";
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let folder = tempfile::tempdir().expect("the folder is created");
     for name in ["in", "out"] {
-        fs::create_dir(folder.path().join(name)).expect("there is room for a folder");
+        fs::create_dir(folder.path().join(name)).expect("the folder is created");
     }
-    fs::write(folder.path().join("secret"), SECRET).expect("there is room for a file");
+    fs::write(folder.path().join("secret"), SECRET).expect("the file is written");
     let mut rest = bytes;
     for name in FILES {
-        let end = rest.windows(BETWEEN.len()).position(|w| w == BETWEEN);
-        let (file, after) = end.map_or((rest, &[][..]), |at| (&rest[..at], &rest[at + BETWEEN.len()..]));
-        fs::write(folder.path().join("in").join(name), file).expect("there is room for a file");
+        let end = rest.windows(SEPARATOR.len()).position(|w| w == SEPARATOR);
+        let (file, after) = end.map_or((rest, &[][..]), |at| (&rest[..at], &rest[at + SEPARATOR.len()..]));
+        fs::write(folder.path().join("in").join(name), file).expect("the file is written");
         rest = after;
     }
     let options = lodsmith_fuzz::reading::options(Format::Obj);
@@ -36,19 +36,19 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     let names = |folder: &std::path::Path| {
         let mut names: Vec<_> = fs::read_dir(folder)
-            .expect("it is there")
-            .map(|entry| entry.expect("it can be listed").file_name())
+            .expect("the folder exists")
+            .map(|entry| entry.expect("the folder can be listed").file_name())
             .collect();
         names.sort();
         names
     };
-    assert_eq!(names(folder.path()), ["in", "out", "secret"], "something lies beside the folders");
+    assert_eq!(names(folder.path()), ["in", "out", "secret"], "a file was created outside the folders");
     for name in names(&out) {
         let file = fs::read(out.join(&name)).unwrap_or_default();
-        let holds = file.windows(SECRET.len()).any(|w| w == SECRET.as_bytes());
+        let contains_secret = file.windows(SECRET.len()).any(|w| w == SECRET.as_bytes());
         assert!(
-            !holds || bytes.windows(SECRET.len()).any(|w| w == SECRET.as_bytes()),
-            "{name:?} holds the secret"
+            !contains_secret || bytes.windows(SECRET.len()).any(|w| w == SECRET.as_bytes()),
+            "{name:?} contains the secret"
         );
     }
 });

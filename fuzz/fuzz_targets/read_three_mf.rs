@@ -1,4 +1,5 @@
-//! Reads untrusted bytes as 3MF, or as the model in it: a mesh or an error, never a panic, and the mesh can be written.
+//! Reads untrusted bytes as 3MF, or as the model part of a 3MF: a mesh or an error, never a panic, and the mesh can be
+//! written.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -1,5 +1,5 @@
-//! Simplifies a small random triangle soup by any method with random options: a result or an error, never a
-//! panic; and a result keeps its guarantees.
+//! Simplifies a small random triangle soup with any method and random options: a result with its guarantees or an
+//! error, never a panic.
 #![no_main]
 
 use lodsmith::{Input, MethodKind, NoControl, simplify_with};
@@ -19,14 +19,14 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     assert_eq!(
         (report.faces, report.vertices),
         (out.face_count(), out.vertex_count()),
-        "the report counts what is there"
+        "the counts of the report are wrong"
     );
-    assert!(out.positions().view().iter().flatten().all(f64::is_finite), "a coordinate that is no number");
+    assert!(out.positions().view().iter().flatten().all(f64::is_finite), "a non-finite coordinate");
     for t in out.surface().triangles() {
-        assert!(t.iter().all(|v| v.index() < out.vertex_count()), "an index beyond the vertices");
-        assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face names a vertex twice");
+        assert!(t.iter().all(|v| v.index() < out.vertex_count()), "an index out of range");
+        assert!(t[0] != t[1] && t[1] != t[2] && t[2] != t[0], "a face has a vertex twice");
     }
-    let again = simplify_with(&input, &options, &mut NoControl).expect("it was done before");
+    let again = simplify_with(&input, &options, &mut NoControl).expect("the first run succeeded");
     // (Compared as text: attributes may be NaN.)
-    assert_eq!(format!("{result:?}"), format!("{again:?}"), "the same bytes again");
+    assert_eq!(format!("{result:?}"), format!("{again:?}"), "the same input gives another result");
 });

@@ -1,4 +1,4 @@
-//! Round trips of a small soup with attributes through every format: as many faces, at the same positions.
+//! Round trips of a small soup with attributes through every format: the faces keep their number and positions.
 #![no_main]
 
 use lodsmith_core::Positions;
@@ -32,7 +32,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
             Err(_) if mesh.face_count() == 0 || !is_finite => continue,
             // 3MF has no triangles with the same vertex twice.
             Err(_) if format == Format::ThreeMf && has_degenerate => continue,
-            Err(e) => panic!("what we write as {format:?}, we read: {e}"),
+            Err(e) => panic!("a written {format:?} file cannot be read: {e}"),
         };
         // (Some readers drop non-finite values.)
         if !is_finite {
@@ -52,8 +52,8 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         }
         // Vertices may be merged or reordered: corner positions stay.
         let corners = |mesh: &lodsmith_core::TriMesh| -> Vec<[u64; 3]> {
-            let places = mesh.positions().view();
-            let all = mesh.surface().triangles().iter().flatten().map(|&v| places.get(v)).collect::<Vec<_>>();
+            let positions = mesh.positions().view();
+            let all = mesh.surface().triangles().iter().flatten().map(|&v| positions.get(v)).collect::<Vec<_>>();
             all.into_iter().map(|p| p.map(|x| (x + 0.0).to_bits())).collect()
         };
         assert!(corners(&back) == corners(&mesh), "corners through {format:?}");

@@ -22,8 +22,8 @@ pub fn options(format: Format) -> ReadOptions {
     options
 }
 
-/// Returns the options for reading a 3MF file that we wrote.
-fn options_of_own() -> ReadOptions {
+/// Returns the options for reading a 3MF file of our own writer.
+fn trusted_options() -> ReadOptions {
     let mut options = ReadOptions::default();
     options.format = Some(Format::ThreeMf);
     options
@@ -36,33 +36,33 @@ pub fn as_three_mf(bytes: &[u8]) -> Vec<u8> {
     }
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-    zip.start_file("3D/3dmodel.model", options).expect("memory takes all bytes");
-    zip.write_all(bytes).expect("memory takes all bytes");
-    zip.finish().expect("memory takes all bytes").into_inner()
+    zip.start_file("3D/3dmodel.model", options).expect("writing to memory succeeds");
+    zip.write_all(bytes).expect("writing to memory succeeds");
+    zip.finish().expect("writing to memory succeeds").into_inner()
 }
 
-/// Reads the bytes as a format. The constructors check that the result is a valid mesh; besides, its size
-/// must be plausible for the bytes, and writing it in this format and in PLY and reading it again must give
-/// as many faces.
+/// Reads the bytes as a format. The constructors check that the result is a valid mesh. In addition, its size must be
+/// plausible for the bytes, and writing it in this format and in PLY and reading it again must give the same number of
+/// faces.
 pub fn check(bytes: &[u8], format: Format) {
     let options = options(format);
     // A face takes at least four bytes, or one byte in a strip. A scene may instantiate one mesh many times.
-    let most = bytes.len().saturating_mul(2);
+    let max_faces = bytes.len().saturating_mul(2);
     if let Ok(Some(scene)) = read_scene_bytes(bytes, &options) {
         let _ = scene.model();
         // A scene with any meshes can be written and read again.
         let same: Vec<_> = scene.meshes().iter().map(|m| Some(TriMesh::clone(&m.mesh))).collect();
         let mut out = Vec::new();
         let written = if format == Format::Gltf { format } else { Format::Glb };
-        scene.write(&same, written, &|_| None, &mut out).expect("memory takes all bytes");
-        let back = Scene::read(&out, &ReadOptions::default()).expect("what we write, we read");
+        scene.write(&same, written, &|_| None, &mut out).expect("writing to memory succeeds");
+        let back = Scene::read(&out, &ReadOptions::default()).expect("written files can be read");
         for (before, after) in scene.meshes().iter().zip(back.meshes()) {
             assert_eq!(before.mesh.face_count(), after.mesh.face_count());
         }
-        // 3MF has no faces with the same vertex twice, and no finite number for one that is not.
+        // 3MF has no faces with the same vertex twice and no non-finite numbers.
         let mut out = Vec::new();
         if write_scene_to(&scene, &[], Format::ThreeMf, &|_| None, &mut out).is_ok() {
-            let back = read_scene_bytes(&out, &options_of_own()).expect("what we write as 3MF, we read");
+            let back = read_scene_bytes(&out, &trusted_options()).expect("written 3MF files can be read");
             let faces = |scene: &Scene| scene.meshes().iter().map(|m| m.mesh.face_count()).sum::<usize>();
             assert!(back.is_some_and(|back| faces(&back) <= faces(&scene)));
         }
@@ -73,7 +73,7 @@ pub fn check(bytes: &[u8], format: Format) {
             if scene.write(&[], to, &|_| None, &mut out).is_err() {
                 continue;
             }
-            let back = Scene::read(&out, &ReadOptions::default()).expect("what we compress, we read");
+            let back = Scene::read(&out, &ReadOptions::default()).expect("compressed files can be read");
             for (before, after) in scene.meshes().iter().zip(back.meshes()) {
                 assert_eq!(before.mesh.face_count(), after.mesh.face_count());
             }
@@ -82,7 +82,7 @@ pub fn check(bytes: &[u8], format: Format) {
     let Ok(loaded) = read_bytes(bytes, &options) else { return };
     let faces = loaded.mesh.face_count();
     if !format.is_scene() && !bytes.starts_with(&[0x1f, 0x8b]) {
-        assert!(faces <= most, "{faces} faces of {} bytes", bytes.len());
+        assert!(faces <= max_faces, "{faces} faces of {} bytes", bytes.len());
     }
     if faces == 0 || faces > 100_000 {
         return;
@@ -91,12 +91,12 @@ pub fn check(bytes: &[u8], format: Format) {
         let mut out = Vec::new();
         // A format may be unable to hold the mesh.
         if write_to(&loaded.mesh, format, &WriteOptions::default(), &mut out).is_err() {
-            assert!(format != Format::Ply, "PLY holds every mesh");
+            assert!(format != Format::Ply, "PLY can hold every mesh");
             continue;
         }
         let mut again = ReadOptions::default();
         again.format = Some(format);
-        let back = read_bytes(&out, &again).expect("what we write, we read");
+        let back = read_bytes(&out, &again).expect("written files can be read");
         assert_eq!(back.mesh.face_count(), faces, "through {format:?}");
     }
 }

@@ -27,8 +27,8 @@ impl Bytes<'_> {
         f64::from(self.next()) / 255.0
     }
 
-    /// Returns a coordinate: mostly of a coarse lattice, where positions coincide, faces are coplanar and
-    /// areas are zero; sometimes any number.
+    /// Returns a coordinate: mostly on a coarse lattice, so that positions coincide, faces are coplanar and areas are
+    /// zero; sometimes any number.
     fn coordinate(&mut self) -> f64 {
         match self.next() {
             255 => f64::from_bits(u64::from_le_bytes(std::array::from_fn(|_| self.next()))),
@@ -58,11 +58,11 @@ pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
     let triangles: Vec<[WedgeId; 3]> = (0..faces)
         .map(|_| std::array::from_fn(|_| WedgeId(u32::from(bytes.next()) % wedges as u32)))
         .collect();
-    let places: Vec<[f64; 3]> = (0..vertices).map(|_| std::array::from_fn(|_| bytes.coordinate())).collect();
+    let points: Vec<[f64; 3]> = (0..vertices).map(|_| std::array::from_fn(|_| bytes.coordinate())).collect();
     let positions = if double {
-        Positions::F64(places)
+        Positions::F64(points)
     } else {
-        Positions::F32(places.into_iter().map(|p| p.map(|x| x as f32)).collect())
+        Positions::F32(points.into_iter().map(|p| p.map(|x| x as f32)).collect())
     };
     let vertex_of = (0..wedges).map(|w| VertexId((w % vertices) as u32)).collect();
     let mut mesh = if wedges > vertices {
@@ -70,11 +70,11 @@ pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
     } else {
         TriMesh::new(positions, triangles.into_iter().map(|t| t.map(|w| VertexId(w.0))).collect())
     }
-    .expect("every index is one of a wedge");
+    .expect("every index is a wedge");
     fn values<const N: usize>(bytes: &mut Bytes<'_>, wedges: usize) -> Option<Vec<[f32; N]>> {
         Some((0..wedges).map(|_| std::array::from_fn(|_| bytes.value())).collect())
     }
-    let fits = "one for each wedge";
+    let fits = "one value for each wedge";
     if kind & 4 != 0 {
         mesh.set_normals(values(bytes, wedges)).expect(fits);
     }
@@ -91,7 +91,7 @@ pub fn mesh(bytes: &mut Bytes<'_>) -> TriMesh {
     mesh
 }
 
-/// Returns options of any method, most of them valid for it.
+/// Returns options of a random method; most are valid for the method.
 pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, OwnedMeshData) {
     let amount = usize::from(bytes.next());
     let stop = match bytes.next() % 8 {
@@ -104,8 +104,8 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, Owned
     let mut options = SimplifyOptions::new(stop);
     options.method = bytes.one_of(&MethodKind::ALL).into();
     let length = |bytes: &mut Bytes<'_>| Some(Length::OfDiagonal(0.02 + bytes.part()));
-    let of_method = bytes.next();
-    let has = |bit: u8| of_method & bit != 0;
+    let flags = bytes.next();
+    let has = |bit: u8| flags & bit != 0;
     match &mut options.method {
         Method::Memoryless { pairs } | Method::Quadric { pairs } if has(1) => {
             *pairs = Some(Length::OfDiagonal(0.1 * bytes.part()));
@@ -120,7 +120,7 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, Owned
             *angle_deg = has(1).then(|| 90.0 * bytes.part());
             *flat = has(2).then(|| Length::OfDiagonal(0.1 * bytes.part()));
         }
-        Method::Unsubdivide { levels } if has(1) => *levels = Some(usize::from(of_method % 4) + 1),
+        Method::Unsubdivide { levels } if has(1) => *levels = Some(usize::from(flags % 4) + 1),
         // At least a twentieth of the diagonal: the face count of the new mesh depends on its edge length.
         Method::Remesh(remesh) => {
             let mut longer = || Length::OfDiagonal(0.05 + bytes.part());
@@ -159,12 +159,12 @@ pub fn options(bytes: &mut Bytes<'_>, mesh: &TriMesh) -> (SimplifyOptions, Owned
     options.escalate = guards & 64 != 0;
     options.shape_normals = guards & 128 != 0;
     let mut data = OwnedMeshData::default();
-    let care = bytes.next();
-    if care & 1 != 0 {
+    let data_kinds = bytes.next();
+    if data_kinds & 1 != 0 {
         let locked: Vec<bool> = (0..mesh.vertex_count()).map(|_| bytes.next() % 4 == 0).collect();
         data.locked = Some(locked);
     }
-    if care & 2 != 0 {
+    if data_kinds & 2 != 0 {
         let importance: Vec<f32> =
             (0..mesh.vertex_count()).map(|_| 1.0 + 4.0 * bytes.part() as f32).collect();
         data.importance = Some(importance);
