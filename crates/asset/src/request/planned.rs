@@ -68,7 +68,7 @@ enum Work {
 #[derive(Debug)]
 pub enum Done {
     /// It was made lighter.
-    Simplify(Outcome),
+    Simplify(Box<Outcome>),
     /// Levels were made.
     Lod(LodOutcome),
     /// It was converted.
@@ -180,7 +180,7 @@ impl<'r> PlannedJob<'r> {
         let reading = &self.options.reading(self.memory);
         let output = || to.ok_or_else(|| usage("an output is needed"));
         Ok(match &self.work {
-            Work::Simplify(recipe) => Done::Simplify(simplify(source, reading, recipe, to, job)?),
+            Work::Simplify(recipe) => Done::Simplify(Box::new(simplify(source, reading, recipe, to, job)?)),
             Work::Lod(recipe, to) => Done::Lod(lod(to, reading, recipe, job)?),
             Work::Convert => Done::Convert(convert(source, reading, output()?, job)?),
             Work::Clean => Done::Clean(clean(source, reading, &self.options.clean, to, job)?),

@@ -78,7 +78,7 @@ parts! {
 
 /// Options of the tables, as they were typed.
 #[derive(Debug)]
-pub(crate) struct Options<P>(FileOptions, PhantomData<P>);
+pub(crate) struct Options<P>(Box<FileOptions>, PhantomData<P>);
 
 /// Options of reading a model.
 pub(crate) type Reading = Options<InReading>;
@@ -116,7 +116,7 @@ impl<P: Part> FromArgMatches for Options<P> {
             };
             option.set(&mut options, &values).map_err(|why| Error::raw(ErrorKind::ValueValidation, why))?;
         }
-        Ok(Self(options, PhantomData))
+        Ok(Self(Box::new(options), PhantomData))
     }
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
         *self = Self::from_arg_matches(matches)?;
