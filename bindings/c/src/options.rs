@@ -1,5 +1,7 @@
 //! `lodsmith_options`, and its conversion.
 
+use std::ffi::c_char;
+
 use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{
     AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, MethodKind, OwnedMeshData,
@@ -205,6 +207,9 @@ pub struct LodsmithOptions {
     pub texture_count: usize,
     /// Seed of all random choices.
     pub seed: u64,
+    /// Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag, separated by
+    /// blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
+    pub named: *const c_char,
 }
 
 // SAFETY: `repr(C)`, all fields are numbers and pointers, and the first is a `usize`.
@@ -292,7 +297,14 @@ fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
         textures: std::ptr::null(),
         texture_count: 0,
         seed: o.seed,
+        named: std::ptr::null(),
     }
+}
+
+/// Sets an option by name.
+fn set(options: &mut SimplifyOptions, name: &str, value: &OptionValue<'_>) -> Result<(), Fault> {
+    by_name::set(options, name, value)
+        .map_err(|error| Fault { code: LODSMITH_ERROR_OPTION, text: error.to_string() })
 }
 
 fn bad(name: &str, got: i32) -> Fault {
@@ -323,7 +335,7 @@ impl LodsmithOptions {
     /// Returns the options of the library.
     ///
     /// # Safety
-    /// The lists must have their lengths.
+    /// The lists must have their lengths, and the text must end with a zero byte.
     pub(crate) unsafe fn get(&self) -> Result<SimplifyOptions, Fault> {
         let mut o = SimplifyOptions::new(Stop {
             faces: unless_zero(self.target_faces),
@@ -360,6 +372,14 @@ impl LodsmithOptions {
         o.weld = self.weld.get("weld")?;
         o.prune = self.prune.get("prune")?;
         o.seed = self.seed;
+        if !self.named.is_null() {
+            // SAFETY: promised by the caller.
+            let named = unsafe { memory::text("named", self.named) }?;
+            for pair in named.split_whitespace() {
+                let (name, value) = pair.split_once('=').unwrap_or((pair, "true"));
+                set(&mut o, name, &value.into())?;
+            }
+        }
         Ok(o)
     }
 
@@ -396,16 +416,10 @@ impl LodsmithOptions {
             ("subdivisions", count(self.subdivisions)),
             ("adaptive", flag(self.adaptive)),
         ];
-        for (name, value) in given {
-            if let (Some(option), Some(value)) = (by_name::find(name), value) {
-                let fault = |error: by_name::OptionError| Fault {
-                    code: LODSMITH_ERROR_OPTION,
-                    text: error.to_string(),
-                };
-                option.set(o, &value).map_err(fault)?;
-            }
-        }
-        Ok(())
+        given
+            .into_iter()
+            .filter_map(|(name, value)| Some((name, value?)))
+            .try_for_each(|(name, value)| set(o, name, &value))
     }
 
     /// Copies the images.
@@ -548,6 +562,21 @@ mod tests {
         // SAFETY: there are no lists.
         let error = unsafe { options.get() }.unwrap_err();
         assert_eq!(error.text, "two-stage is not an option of method memoryless, but of cluster");
+    }
+
+    #[test]
+    fn every_option_can_be_set_by_name() {
+        let named = |text: &std::ffi::CStr| {
+            let options =
+                LodsmithOptions { named: text.as_ptr(), target_faces: 9, ..LodsmithOptions::default() };
+            // SAFETY: there are no lists, and the text ends with a zero byte.
+            unsafe { options.get() }
+        };
+        let o = named(c"max-edge=2% per_mesh  faces=7 weight=uv=2,skin=3").unwrap();
+        assert_eq!((o.stop.faces, o.per_mesh), (Some(7), true));
+        assert_eq!((o.guards.max_edge, o.weights.skin), (Some(Length::OfDiagonal(0.02)), 3.0));
+        assert!(named(c"rato=2").unwrap_err().text.contains("a similar one is ratio"));
+        assert!(named(c"ratio=2").unwrap_err().text.starts_with("ratio: "));
     }
 
     #[test]

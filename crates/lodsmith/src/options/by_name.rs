@@ -65,6 +65,19 @@ pub fn find(name: &str) -> Option<&'static NamedOption> {
     OPTIONS.iter().find(|o| is_same(o.name))
 }
 
+fn known(name: &str) -> Result<&'static NamedOption, OptionError> {
+    let nearest = || nearest(name, OPTIONS.iter().map(|o| o.name));
+    find(name).ok_or_else(|| OptionError::Unknown { name: name.to_owned(), nearest: nearest() })
+}
+
+/// Sets an option by name, as [`NamedOption::set`] does.
+///
+/// # Errors
+/// [`OptionError::Unknown`] for a name that is not an option; those of [`NamedOption::set`].
+pub fn set(options: &mut SimplifyOptions, name: &str, value: &OptionValue<'_>) -> Result<(), OptionError> {
+    known(name)?.set(options, value)
+}
+
 /// Returns options with these values. The preset is applied first and the method second, whatever their positions in
 /// the list.
 ///
@@ -74,11 +87,7 @@ pub fn find(name: &str) -> Option<&'static NamedOption> {
 pub fn from_names(given: &[(&str, OptionValue<'_>)]) -> Result<SimplifyOptions, OptionError> {
     let mut all = Vec::with_capacity(given.len());
     for (name, value) in given {
-        let unknown = || OptionError::Unknown {
-            name: (*name).to_owned(),
-            nearest: nearest(name, OPTIONS.iter().map(|o| o.name)),
-        };
-        all.push((find(name).ok_or_else(unknown)?, value));
+        all.push((known(name)?, value));
     }
     all.sort_by_key(|(option, _)| match option.name {
         "preset" => 0,
