@@ -1,4 +1,4 @@
-//! A file as one value, whatever its format.
+//! A file of any format as one value.
 
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -11,7 +11,7 @@ use lodsmith_core::{Positions, Semantic, TriMesh};
 use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
 use lodsmith_io::{Contents, Format, Loaded, ModelFile, ModelSource, ReadOptions, Sizes, Warning};
 
-use crate::baking::{SideFile, forgive_colors, write_files};
+use crate::baking::{SideFile, drop_color_warnings, write_files};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::AssetError;
@@ -24,20 +24,20 @@ use crate::paths::Source;
 use crate::sizes::{self, WriteOutcome};
 use crate::warnings::joined_per_mesh;
 
-/// A file that was read: meshes, and all that belongs to them.
+/// A file that was read: meshes and all data that belong to them.
 ///
-/// A glTF, 3MF, COLLADA or FBX file is a scene whose meshes are simplified one by one, while everything else is kept. Any
-/// other file is one mesh with its regions. So is a scene that is read for an output that can hold no scene: all of its
-/// instances are joined.
+/// A glTF, 3MF, COLLADA or FBX file is a scene whose meshes are simplified one by one, while everything else is kept.
+/// Any other file is one mesh with its regions. A scene that is read for an output without scenes is also one mesh: all
+/// of its instances are joined.
 #[derive(Clone, Debug)]
 pub struct Asset {
     head: Head,
     body: Body,
-    /// Decoded once, for all copies of the asset.
+    /// Decoded once for all copies of the asset.
     palettes: Arc<OnceLock<Palettes>>,
 }
 
-/// Where an asset came from, and the options that it was read with.
+/// Source of an asset, and the options that it was read with.
 #[derive(Clone, Debug)]
 struct Head {
     source: Source,
@@ -55,11 +55,11 @@ enum Body {
 /// The changes of a job to an asset: meshes, materials, and files beside the output.
 #[derive(Clone, Debug, Default)]
 pub struct Edit {
-    /// The meshes that are replaced, by their numbers; the list may be shorter.
+    /// The meshes that are replaced, by index; the list may be shorter than the list of meshes.
     pub meshes: Vec<Option<TriMesh>>,
-    /// The scene with other materials, to be written in place of the asset's own.
+    /// The scene with other materials, to be written instead of the scene of the asset.
     pub scene: Option<Box<Scene>>,
-    /// Maps that are files beside the output.
+    /// Maps that are written to files beside the output.
     pub files: Vec<SideFile>,
     /// True if maps were baked.
     pub is_baked: bool,
@@ -67,25 +67,25 @@ pub struct Edit {
     pub has_color_map: bool,
 }
 
-/// The meshes of a run, by their numbers, and its report.
-pub struct Lighter {
-    /// The lighter meshes. One without faces in the input is not replaced.
+/// The meshes that a run simplified, by index, and its report.
+pub struct SimplifiedMeshes {
+    /// The simplified meshes; `None` for a mesh without faces, which is not replaced.
     pub meshes: Vec<Option<TriMesh>>,
     /// The report.
     pub report: Report,
-    /// Counts of the meshes that were simplified, with their numbers; none for a single mesh.
+    /// Counts of the meshes that were simplified, with their indices; empty for a single mesh.
     pub counts: Vec<(usize, MeshCounts)>,
 }
 
-/// Levels of detail, each with the positions to which its vertices move in the next one, if asked for.
+/// Levels of detail, each with the positions to which its vertices move in the next level, if requested.
 pub struct Chain {
     /// The levels below the original.
-    pub levels: Vec<Lighter>,
-    /// For the original and each level the positions of each mesh, by its number.
+    pub levels: Vec<SimplifiedMeshes>,
+    /// For the original and each level, the positions in the next level for each mesh, by index.
     pub geomorphs: Vec<Vec<Option<Positions>>>,
 }
 
-/// Reads a file as a model that is looked at.
+/// Reads a file as a model for display.
 pub(crate) fn read_model(
     source: &Source,
     reading: &ReadOptions,
@@ -98,7 +98,7 @@ pub(crate) fn read_model(
 }
 
 impl Asset {
-    /// Reads a file; a scene as such if `as_scene` is set, else as one mesh.
+    /// Reads a file; a scene file as a scene if `as_scene` is set, else as one mesh.
     ///
     /// # Errors
     /// [`AssetError::Read`].
@@ -133,7 +133,7 @@ impl Asset {
         Ok(Self { head, body, palettes: Arc::default() })
     }
 
-    /// Returns the asset that a model for display was made from; nothing is copied. `None` if another process has it.
+    /// Returns the asset that a model for display was made from, without copying; `None` if another process has it.
     pub fn of_model(file: &ModelFile, source: Source) -> Option<Self> {
         let body = match &file.source {
             ModelSource::Scene(scene) => Body::Scene(scene.clone()),
@@ -185,7 +185,7 @@ impl Asset {
         }
     }
 
-    /// Returns the mesh of a file without a scene, with all that belongs to it.
+    /// Returns the mesh of a file without a scene, with all data that belong to it.
     pub fn into_loaded(self) -> Option<Loaded> {
         match self.body {
             Body::Mesh(loaded) => Some(Arc::unwrap_or_clone(loaded)),
@@ -206,7 +206,7 @@ impl Asset {
         Some(&self.scene()?.meshes()[mesh].name)
     }
 
-    /// Returns the numbers of the meshes that a run simplifies: those with instances, or all if none has any.
+    /// Returns the indices of the meshes that a run simplifies: the meshes with instances, or all if no mesh has any.
     pub fn simplified_meshes(&self) -> Vec<usize> {
         match &self.body {
             Body::Mesh(_) => vec![0],
@@ -220,12 +220,12 @@ impl Asset {
         self.simplified_meshes().into_iter().map(|i| meshes[i].vertex_count()).collect()
     }
 
-    /// Returns the numbers of faces and vertices of all instances.
+    /// Returns the numbers of faces and vertices, summed over all instances.
     pub(crate) fn counts(&self) -> [usize; 2] {
         [TriMesh::face_count, TriMesh::vertex_count].map(|of| self.count(of))
     }
 
-    /// Returns a count over all instances; each mesh counts once if none is placed.
+    /// Returns a count summed over all instances; each mesh counts once if no mesh has instances.
     fn count(&self, of: fn(&TriMesh) -> usize) -> usize {
         match &self.body {
             Body::Mesh(loaded) => of(&loaded.mesh),
@@ -237,7 +237,7 @@ impl Asset {
         }
     }
 
-    /// Returns the diagonal of the box around all instances.
+    /// Returns the diagonal of the bounding box of all instances.
     pub fn diagonal(&self) -> f64 {
         let bounds = match &self.body {
             Body::Mesh(loaded) => loaded.mesh.positions().view().bounds(),
@@ -246,7 +246,7 @@ impl Asset {
         bounds.map_or(0.0, |b| b.diagonal())
     }
 
-    /// Leaves out the materials of a scene that was read as one mesh, so that their borders need not be preserved.
+    /// Drops the materials of a scene that was read as one mesh, so that their borders need not be preserved.
     fn drop_materials(&mut self) -> Result<(), AssetError> {
         if let Body::Mesh(loaded) = &mut self.body
             && loaded.format.is_scene()
@@ -256,8 +256,8 @@ impl Asset {
         Ok(())
     }
 
-    /// Returns the data of the meshes that a run simplifies: locks, importance and images, and warnings about images that
-    /// are left out.
+    /// Returns the data of the meshes that a run simplifies: locks, importance and images, and warnings about images
+    /// that are left out.
     ///
     /// # Errors
     /// [`AssetError::Name`] if a name is not found.
@@ -267,7 +267,7 @@ impl Asset {
         Ok((data, left_out))
     }
 
-    /// Returns the data of the meshes that a run simplifies by the names of parts.
+    /// Returns the data that names of parts give for the meshes that a run simplifies.
     pub(crate) fn named_data(&self, names: &PartNames) -> Result<Vec<OwnedMeshData>, AssetError> {
         match &self.body {
             Body::Mesh(loaded) => Ok(vec![constraints::of_mesh(names, loaded)?]),
@@ -275,11 +275,11 @@ impl Asset {
         }
     }
 
-    /// Adds base-colour images to the data of the meshes that a run simplifies; the engine keeps their colours in place.
-    /// Returns warnings about images that are left out.
+    /// Adds base-colour images to the data of the meshes that a run simplifies, so that the engine keeps palette
+    /// colours in place. Returns warnings about images that are left out.
     pub(crate) fn add_palettes(&self, data: &mut [OwnedMeshData]) -> Vec<Warning> {
         if self.palettes.get().is_none() {
-            // Not within the cell: decoding is parallel work.
+            // Not inside the cell's initialiser: decoding runs in parallel.
             let made = match &self.body {
                 Body::Mesh(loaded) => Palettes::of_mesh(loaded),
                 Body::Scene(scene) => Palettes::of_scene(scene, &self.simplified_meshes()),
@@ -321,21 +321,21 @@ impl Asset {
 
     /// Returns the peak memory of a run in bytes.
     pub(crate) fn need(&self, options: &SimplifyOptions, data: &[OwnedMeshData]) -> u64 {
-        let own = match &self.body {
+        let run = match &self.body {
             Body::Mesh(loaded) => memory_need::simplify(&loaded.mesh, options),
             Body::Scene(scene) => memory_need::simplify_scene(scene.meshes(), scene.buffer_bytes(), options),
         };
-        own.saturating_add(memory_need::images(data))
+        run.saturating_add(memory_need::images(data))
     }
 
     /// Returns the peak memory of making levels in bytes.
     pub(crate) fn levels_need(&self, options: &SimplifyOptions, data: &[OwnedMeshData]) -> u64 {
         let size = Size::of_all(self.meshes());
-        let own = match &self.body {
+        let run = match &self.body {
             Body::Mesh(_) => memory_need::lod(size, options),
             Body::Scene(scene) => memory_need::lod_scene(size, options).saturating_add(scene.buffer_bytes()),
         };
-        own.saturating_add(memory_need::images(data))
+        run.saturating_add(memory_need::images(data))
     }
 
     /// Returns the meshes that a run simplifies, with their data, as parts.
@@ -356,7 +356,7 @@ impl Asset {
         }
     }
 
-    /// Simplifies all meshes under one budget.
+    /// Simplifies all meshes, with one target for all.
     ///
     /// # Errors
     /// Those of [`lodsmith::simplify_scene`].
@@ -365,15 +365,15 @@ impl Asset {
         options: &SimplifyOptions,
         data: &[OwnedMeshData],
         control: &mut dyn lodsmith::Control,
-    ) -> Result<Lighter, SimplifyError> {
+    ) -> Result<SimplifiedMeshes, SimplifyError> {
         match &self.body {
             Body::Mesh(loaded) => {
                 let input = Input::new(&loaded.mesh).with(data[0].view());
-                Ok(Lighter::of_mesh(lodsmith::simplify_with(input, options, control)?))
+                Ok(SimplifiedMeshes::of_mesh(lodsmith::simplify_with(input, options, control)?))
             }
             Body::Scene(_) => {
                 let parts = self.parts(data);
-                Ok(self.lighter(lodsmith::simplify_scene(&parts, self.diagonal(), options, control)?))
+                Ok(self.by_index(lodsmith::simplify_scene(&parts, self.diagonal(), options, control)?))
             }
         }
     }
@@ -394,47 +394,47 @@ impl Asset {
                 let chain = lodsmith::lod_with(&input, options, control)?;
                 let geomorphs = (0..=chain.levels.len()).map(|k| vec![chain.geomorph(k).cloned()]).collect();
                 let LodChain { levels, .. } = chain;
-                Ok(Chain { levels: levels.into_iter().map(Lighter::of_mesh).collect(), geomorphs })
+                Ok(Chain { levels: levels.into_iter().map(SimplifiedMeshes::of_mesh).collect(), geomorphs })
             }
             Body::Scene(scene) => {
                 let parts = self.parts(data);
                 let chain = lodsmith::lod_scene(&parts, self.diagonal(), options, control)?;
-                let taken = self.simplified_meshes();
+                let indices = self.simplified_meshes();
                 let positions = |k: usize| {
-                    let mut own = vec![None; scene.meshes().len()];
-                    for (&i, positions) in taken.iter().zip(chain.geomorph(k).into_iter().flatten()) {
-                        own[i] = Some(positions.clone());
+                    let mut of_meshes = vec![None; scene.meshes().len()];
+                    for (&i, positions) in indices.iter().zip(chain.geomorph(k).into_iter().flatten()) {
+                        of_meshes[i] = Some(positions.clone());
                     }
-                    own
+                    of_meshes
                 };
                 let geomorphs = (0..=chain.levels.len()).map(positions).collect();
-                let levels = chain.levels.into_iter().map(|level| self.lighter(level)).collect();
+                let levels = chain.levels.into_iter().map(|level| self.by_index(level)).collect();
                 Ok(Chain { levels, geomorphs })
             }
         }
     }
 
-    /// Returns the result of a run on a scene, by the numbers of its meshes.
-    fn lighter(&self, done: SimplifiedScene) -> Lighter {
-        let SimplifiedScene { meshes: made, mut report, counts } = done;
+    /// Returns the result of a run on a scene, by the indices of its meshes.
+    fn by_index(&self, result: SimplifiedScene) -> SimplifiedMeshes {
+        let SimplifiedScene { meshes: simplified, mut report, counts } = result;
         let originals = self.meshes();
         let mut meshes = vec![None; originals.len()];
-        let taken = self.simplified_meshes();
-        // As in the file: the reader merges vertices at one place.
+        let indices = self.simplified_meshes();
+        // As in the file, before the reader merged vertices at equal positions.
         report.input_vertices = self.count(TriMesh::wedge_count);
-        let counted = taken.iter().zip(counts).map(|(&i, mut counts)| {
+        let counted = indices.iter().zip(counts).map(|(&i, mut counts)| {
             counts.input_vertices = originals[i].wedge_count();
             (i, counts)
         });
         let counts = counted.collect();
-        for (&i, mesh) in taken.iter().zip(made) {
+        for (&i, mesh) in indices.iter().zip(simplified) {
             meshes[i] = (originals[i].face_count() > 0).then_some(mesh);
         }
-        Lighter { meshes, report, counts }
+        SimplifiedMeshes { meshes, report, counts }
     }
 
-    /// Makes a mesh a scene, as writing and reading it would give, and returns the data of its only mesh; of a scene, its
-    /// data.
+    /// Converts a mesh to a scene, as writing and reading it would, and returns the data of its only mesh. A scene is
+    /// not changed; returns the data of its meshes.
     ///
     /// # Errors
     /// [`AssetError::Name`] if a name is not found.
@@ -444,16 +444,16 @@ impl Asset {
         writing: &Writing,
     ) -> Result<Vec<OwnedMeshData>, AssetError> {
         let Body::Mesh(loaded) = &self.body else { return self.named_data(names) };
-        let own = constraints::of_mesh(names, loaded)?;
+        let of_mesh = constraints::of_mesh(names, loaded)?;
         let mut mesh = TriMesh::clone(&loaded.mesh);
         orient(&mut mesh, writing);
         let options = writing.mesh_options(Format::Glb, loaded.regions.clone());
         let (scene, lost) = Scene::of_mesh(&mesh, &options, self.head.reading.limits)?;
-        let of_vertices = scene.meshes().first().map(|there| vertices_of(there, &mesh));
+        let of_vertices = scene.meshes().first().map(|scene_mesh| vertices_of(scene_mesh, &mesh));
         let mut data = OwnedMeshData::default();
         if let Some(of) = of_vertices {
-            data.locked = own.locked.map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect());
-            data.importance = own.importance.map(|all| {
+            data.locked = of_mesh.locked.map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect());
+            data.importance = of_mesh.importance.map(|all| {
                 of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
             });
         }
@@ -477,16 +477,16 @@ impl Asset {
                 return to.write(&mesh, loaded.regions.clone(), job);
             }
         };
-        let mut made = write_scene(scene, &self.head.source, edit.meshes, edit.is_baked, to, job)?;
+        let mut written = write_scene(scene, &self.head.source, edit.meshes, edit.is_baked, to, job)?;
         if edit.has_color_map {
-            forgive_colors(&mut made.warnings);
+            drop_color_warnings(&mut written.warnings);
         }
         write_files(&edit.files, "", to, job)?;
-        Ok(made)
+        Ok(written)
     }
 }
 
-/// Writes a scene with some meshes replaced; all of its instances as one mesh where the format holds no scene.
+/// Writes a scene with some meshes replaced; if the format has no scenes, all instances are joined into one mesh.
 fn write_scene(
     mut scene: Scene,
     source: &Source,
@@ -496,40 +496,41 @@ fn write_scene(
     job: &mut Job<'_>,
 ) -> Result<WriteOutcome, AssetError> {
     let images = FolderMove::new(source, &to.sink);
-    let mut warnings = images.bring(&mut scene, to.format, to.writing.textures);
+    let mut warnings = images.embed(&mut scene, to.format, to.writing.textures);
     if is_baked && !matches!(to.format, Format::Gltf | Format::Glb) {
-        // Other formats have no tangents; a viewer computes the same ones.
+        // Other formats have no tangents; viewers compute the same tangents.
         for mesh in replaced.iter_mut() {
             *mesh = mesh.take().map(|mesh| mesh.without_further(|semantic| *semantic == Semantic::Tangent));
         }
     }
-    let mut made = if to.format.keeps_scenes() {
+    let mut written = if to.format.keeps_scenes() {
         to.write_scene(&scene, &replaced, &|uri| images.uri(uri), job)?
     } else {
         let joined = scene.joined(&replaced)?;
         warnings.extend(joined.warnings);
         to.write(&joined.mesh, joined.regions, job)?
     };
-    made.warnings.splice(0..0, warnings);
-    Ok(made)
+    written.warnings.splice(0..0, warnings);
+    Ok(written)
 }
 
-/// Returns for each vertex of a scene's mesh the vertices of the mesh that it was made from.
-fn vertices_of(there: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> {
-    let moved = there.world_from_mesh.map_or([0.0; 3], |m| m.map(|row| row[3]));
-    // As written: relative to the node, and with -0 as 0.
+/// Returns, for each vertex of a mesh in a scene, the vertices at its position in `mesh`, which the scene was made
+/// from.
+fn vertices_of(scene_mesh: &SceneMesh, mesh: &TriMesh) -> Vec<Vec<usize>> {
+    let translation = scene_mesh.world_from_mesh.map_or([0.0; 3], |m| m.map(|row| row[3]));
+    // As in the written file: relative to the node, and with -0 as 0.
     let key = |p: [f64; 3], by: [f64; 3]| [0, 1, 2].map(|k| ((p[k] - by[k]) as f32 + 0.0).to_bits());
     let mut at: HashMap<[u32; 3], Vec<usize>> = HashMap::new();
     for (v, p) in mesh.positions().view().iter().enumerate() {
-        at.entry(key(p, moved)).or_default().push(v);
+        at.entry(key(p, translation)).or_default().push(v);
     }
-    let own = there.mesh.positions().view();
-    own.iter().map(|p| at.get(&key(p, [0.0; 3])).cloned().unwrap_or_default()).collect()
+    let positions = scene_mesh.mesh.positions().view();
+    positions.iter().map(|p| at.get(&key(p, [0.0; 3])).cloned().unwrap_or_default()).collect()
 }
 
-impl Lighter {
-    fn of_mesh(done: Simplified) -> Self {
-        Self { meshes: vec![Some(done.mesh)], report: done.report, counts: Vec::new() }
+impl SimplifiedMeshes {
+    fn of_mesh(result: Simplified) -> Self {
+        Self { meshes: vec![Some(result.mesh)], report: result.report, counts: Vec::new() }
     }
 }
 

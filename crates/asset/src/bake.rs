@@ -1,4 +1,4 @@
-//! Detail of one file in textures of another.
+//! Baking the detail of one file into textures of another.
 
 use lodsmith_io::{ModelFile, ReadOptions, Warning};
 use serde_json::{Value, json};
@@ -13,25 +13,26 @@ use crate::paths::{self, Source};
 use crate::report_json::micros;
 use crate::warnings::texts;
 
-/// Outcome of a bake.
+/// Outcome of baking.
 #[derive(Debug)]
 pub struct BakeOutcome {
-    /// Number of faces of the lighter model.
+    /// Number of faces of the low-poly model.
     pub faces: usize,
-    /// A line for people.
+    /// One line of text for people.
     pub summary: String,
     /// Report of the maps.
     pub baked: Value,
-    /// Warnings of reading, of the bake and of writing.
+    /// Warnings of reading, baking and writing.
     pub warnings: Vec<Warning>,
     /// Seconds by stage.
     pub clock: StageClock,
 }
 
-/// Reads both models, bakes maps of the detailed one for the lighter one, and writes this with its maps.
+/// Reads both models, bakes maps of the high-poly model for the low-poly model, and writes the low-poly model with its
+/// maps.
 ///
 /// # Errors
-/// Those of [`Asset::read`] and [`Asset::write`]; [`AssetError::Bake`]. An error of the detailed model names it.
+/// Those of [`Asset::read`] and [`Asset::write`]; [`AssetError::Bake`]. An error of the high-poly model names its file.
 pub fn bake(
     high: &Source,
     low: &Source,
@@ -46,7 +47,7 @@ pub fn bake(
     let detailed = read_model(high, reading, job).map_err(|why| why.of(high))?;
     let mut asset = Asset::read(low, reading, true, job)?;
     asset.become_scene(&PartNames::default(), &to.writing)?;
-    let mut scene = asset.scene().expect("it is one").clone();
+    let mut scene = asset.scene().expect("the asset is a scene").clone();
     let model = ModelFile::from(scene.clone()).model;
     job.enter(Step::Bake);
     let mut baked = baking.bake(&detailed.model, &model, &mut scene, job)?;
@@ -68,7 +69,7 @@ pub fn bake(
 }
 
 impl BakeOutcome {
-    /// Returns the report, with the paths as they were given.
+    /// Returns the report, with these paths.
     pub fn to_json(&self, high: &str, low: &str, to: &Destination) -> Value {
         json!({
             "high": high,

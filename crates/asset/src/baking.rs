@@ -1,4 +1,4 @@
-//! Baking: maps of a detailed model in the materials of a lighter one.
+//! Baking: maps of a high-poly model in the materials of a low-poly model.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,45 +16,45 @@ use crate::error::{AssetError, usage};
 use crate::job::Job;
 use crate::paths::Sink;
 
-/// Maps to bake, and where they go.
+/// Maps to bake, and whether they are written to files.
 #[derive(Clone, Debug)]
 pub struct Baking {
-    /// The maps and their texels.
+    /// The maps, and options of their texels.
     pub options: BakeOptions,
-    /// Write every map as a file beside the output, too.
+    /// Also write every map to a file beside the output.
     pub map_files: bool,
 }
 
-/// A file beside an output: the suffix of its name, and its bytes.
+/// A file beside an output: the suffix of its name, and its content.
 pub type SideFile = (String, Arc<Vec<u8>>);
 
-/// Result of a bake on a scene.
+/// Result of baking a scene.
 #[derive(Debug)]
 pub struct BakedScene {
     /// The meshes of the scene, with texture coordinates and tangents.
     pub replaced: Vec<Option<TriMesh>>,
-    /// For each mesh and primitive (one entry for all), its material in the scene.
+    /// For each mesh, the materials of its primitives in the scene (a single entry applies to all primitives).
     pub materials: Vec<Vec<usize>>,
-    /// Maps that are files beside the output.
+    /// Maps that are written to files beside the output.
     pub files: Vec<SideFile>,
     /// The maps.
     pub sets: Vec<BakedSet>,
-    /// Warnings of the bake.
+    /// Warnings of baking.
     pub warnings: Vec<Warning>,
-    /// The report of the sets.
+    /// The report of the map sets.
     pub report: Value,
-    /// True if any set has an atlas of its own.
+    /// True if any set has a new atlas.
     pub is_new_atlas: bool,
 }
 
 impl Baking {
-    /// True if colours are baked everywhere.
+    /// True if base colours are baked.
     pub(crate) fn has_color(&self) -> bool {
         self.options.maps.contains(&MapKind::Color)
     }
 
-    /// Bakes maps of a lighter model from a detailed one, and adds their materials to the scene of the lighter one. Which
-    /// meshes use them is for the caller to set.
+    /// Bakes maps of a low-poly model from a high-poly model, and adds materials with these maps to the scene of the
+    /// low-poly model. The caller assigns the materials to meshes.
     pub(crate) fn bake(
         &self,
         detailed: &Model,
@@ -91,18 +91,18 @@ impl Baking {
         })
     }
 
-    /// Checks that the maps fit how and where they are written.
+    /// Checks that the maps are compatible with the output and the options of writing.
     ///
     /// # Errors
     /// [`AssetError::Usage`].
     pub fn check(&self, writing: &Writing, output: Option<&Sink>) -> Result<(), AssetError> {
         if writing.moves() {
-            return Err(usage("a bake keeps the coordinates: use `lodsmith convert` for --scale and --up"));
+            return Err(usage("a bake does not move the mesh: use `lodsmith convert` for --scale and --up"));
         }
         output.map_or(Ok(()), |to| self.refuse_streams(to))
     }
 
-    /// Returns an error if maps would have to be files and the output has no folder.
+    /// Returns an error if maps are written to files and the output has no folder.
     ///
     /// # Errors
     /// [`AssetError::Usage`].
@@ -110,7 +110,7 @@ impl Baking {
         let lost = self.options.maps.iter().find(|kind| self.map_files || !kind.is_of_material());
         match (to, lost) {
             (Sink::Stream, Some(kind)) => Err(usage(format!(
-                "the map {} is a file beside the output: standard output has no folder",
+                "the map {} is written to a file beside the output, which is impossible with standard output",
                 kind.name()
             ))),
             _ => Ok(()),
@@ -129,7 +129,7 @@ fn set_json(set: &BakedSet) -> Value {
 }
 
 impl BakedScene {
-    /// Returns a line for people.
+    /// Returns one line of text for people.
     pub fn summary(&self) -> String {
         let named = |map: &BakedMap| match map.range {
             Some(range) => format!("{} up to {}", map.kind.name(), significant(range, 2)),
@@ -159,7 +159,7 @@ pub(crate) fn write_files(
     job: &mut Job<'_>,
 ) -> Result<(), AssetError> {
     for (end, bytes) in files {
-        let path = beside(&to.sink, &format!("{mark}{end}"))?;
+        let path = map_path(&to.sink, &format!("{mark}{end}"))?;
         if !to.dry_run {
             job.put_bytes(bytes, &Sink::Path(path), to.writing.force)?;
         }
@@ -167,7 +167,7 @@ pub(crate) fn write_files(
     Ok(())
 }
 
-fn beside(sink: &Sink, end: &str) -> Result<PathBuf, AssetError> {
+fn map_path(sink: &Sink, end: &str) -> Result<PathBuf, AssetError> {
     let Sink::Path(path) = sink else { return Err(usage("maps cannot be written to standard output")) };
     let name = path.file_name().map(Path::new).unwrap_or(path);
     let name = if name.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
@@ -179,7 +179,7 @@ fn beside(sink: &Sink, end: &str) -> Result<PathBuf, AssetError> {
     Ok(path.with_file_name(format!("{stem}{end}")))
 }
 
-/// Removes the warnings that vertex colours are gone, which are in a map.
-pub(crate) fn forgive_colors(warnings: &mut Vec<Warning>) {
+/// Removes the warnings about lost vertex colours, which are in a map now.
+pub(crate) fn drop_color_warnings(warnings: &mut Vec<Warning>) {
     warnings.retain(|w| !w.text.ends_with("no longer has its COLOR_0"));
 }

@@ -1,4 +1,4 @@
-//! Repair of a file.
+//! Repair of files.
 
 use lodsmith::{CleanOptions, CleanReport, Length, SimplifyError};
 use lodsmith_core::numbers::counted;
@@ -23,7 +23,7 @@ pub struct CleanOutcome {
     pub input_format: Format,
     /// The counts of all meshes.
     pub report: CleanReport,
-    /// The meshes of a scene by name.
+    /// The reports of the meshes of a scene, by name.
     pub meshes: Vec<(String, CleanReport)>,
     /// Warnings of reading, of the repair and of writing.
     pub warnings: Vec<Warning>,
@@ -90,12 +90,12 @@ impl Cleaning {
         self.warnings.extend(warnings_of(&cleaned.report));
         if !cleaned.single_sided.is_empty() {
             self.warnings.push(Warning::note(
-                "faces back to back are single now: this format cannot say that they are seen from both sides",
+                "one of each two faces back to back was removed, but this format has no two-sided materials",
             ));
         }
         if to.is_some_and(|to| to.format == Format::Stl) && cleaned.report.parted_vertices > 0 {
             self.warnings.push(Warning::note(
-                "STL has no numbers of vertices: who reads it joins again what was cut apart",
+                "STL has no vertex indices: readers merge again the vertices that --non-manifold cut separated",
             ));
         }
         (self.edit.meshes, self.report) = (vec![Some(cleaned.mesh)], cleaned.report);
@@ -111,7 +111,7 @@ impl Cleaning {
         let diagonal = scene.bounds().map_or(0.0, |b| b.diagonal());
         let size = Size::of_all(scene.meshes().iter().map(|m| &*m.mesh));
         job.check_memory("clean", memory_need::clean(size).saturating_add(scene.buffer_bytes()))?;
-        // Primitives that lost one of their sides: mesh and primitive.
+        // Mesh and primitive of the surfaces that lost one of their two sides.
         let mut single_sided = Vec::new();
         for m in scene.meshes() {
             if m.mesh.face_count() == 0 {
@@ -120,7 +120,7 @@ impl Cleaning {
             }
             let made = match lodsmith::clean(&m.mesh, &in_mesh(*options, diagonal, m.scale), job) {
                 Err(SimplifyError::NoFaces { .. }) => {
-                    let text = format!("mesh {}: no face would be left, so it stays as it is", m.name);
+                    let text = format!("mesh {}: not changed, because no face would be left", m.name);
                     self.warnings.push(Warning::note(text));
                     None
                 }
@@ -148,7 +148,7 @@ impl Cleaning {
     }
 }
 
-/// Converts options with lengths in a scene to those of a mesh that is scaled by `scale` there.
+/// Converts lengths in units of a scene to units of a mesh that the scene scales by `scale`.
 fn in_mesh(mut options: CleanOptions, diagonal: f64, scale: f64) -> CleanOptions {
     let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
     let units = |length: Length| Length::Units(length.in_units(diagonal) / scale);
@@ -166,20 +166,20 @@ fn warnings_of(report: &CleanReport) -> impl Iterator<Item = Warning> {
         (
             left.non_manifold_edges > 0,
             format!(
-                "{} with more than two faces: --non-manifold cut parts them",
+                "{} with more than two faces: --non-manifold cut separates them",
                 edges(left.non_manifold_edges)
             ),
         ),
         (
             left.misoriented_edges > 0,
             format!(
-                "{} where no side is outside: the surface is one-sided, --non-manifold cut opens it there",
+                "{} on a non-orientable surface: --non-manifold cut opens it there",
                 edges(left.misoriented_edges)
             ),
         ),
         (
             left.zero_area_faces > 0,
-            format!("{} without area left, on seams or needles", faces(left.zero_area_faces)),
+            format!("{} without area left, on seams or slivers", faces(left.zero_area_faces)),
         ),
         (report.pruned.largest_kept, "all parts are smaller than --prune: the largest was kept".to_owned()),
     ];
@@ -216,7 +216,7 @@ pub fn counts(r: &CleanReport) -> ([Count; 12], [Count; 6]) {
     (done, left)
 }
 
-/// Adds the counts of one mesh to those of others.
+/// Adds the counts of one mesh to a sum.
 fn add(sum: &mut CleanReport, r: &CleanReport) {
     let both = |a: &mut usize, b: usize| *a += b;
     both(&mut sum.input_faces, r.input_faces);
@@ -244,7 +244,7 @@ fn add(sum: &mut CleanReport, r: &CleanReport) {
 }
 
 impl CleanOutcome {
-    /// Returns the report, with the path of the input as it was given.
+    /// Returns the report, with this path of the input.
     pub fn to_json(&self, path: &str, to: Option<&Destination>, dry_run: bool) -> Value {
         let r = &self.report;
         let (done, left) = counts(r);

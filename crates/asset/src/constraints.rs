@@ -1,4 +1,4 @@
-//! Resolution of the names of locked and important parts to vertices of the input.
+//! Conversion of the names of locked and important parts to vertices of the input.
 
 use lodsmith::OwnedMeshData;
 use lodsmith_core::{RegionId, Semantic, TriMesh, WedgeId};
@@ -12,21 +12,21 @@ use crate::error::AssetError;
 pub struct PartNames {
     /// Parts to keep: materials, groups, objects, meshes, nodes, or attributes whose value is not zero.
     pub lock: Vec<String>,
-    /// The attribute that says where more triangles are kept.
+    /// The attribute that determines where more triangles are kept.
     pub importance: Option<Importance>,
 }
 
-/// An attribute of vertices, and how much denser the result is where it is 1.
+/// A vertex attribute, and how much denser the result is where it is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Importance {
     /// Name of the attribute.
     pub name: String,
-    /// Density of triangles where it is 1, or largest, relative to where it is 0.
+    /// Density of triangles where the attribute is 1, or at its largest value, relative to where it is 0.
     pub strength: f32,
 }
 
 impl Importance {
-    /// Default strength. (Guessed: half as long edges.)
+    /// Default strength. (Guessed: edges of half the length.)
     pub const DEFAULT_STRENGTH: f32 = 4.0;
 }
 
@@ -37,10 +37,10 @@ const MAX_NAMES_SHOWN: usize = 30;
 struct NamedMesh<'a> {
     mesh: &'a TriMesh,
     /// Names that apply to the whole mesh.
-    whole: Vec<String>,
+    whole_mesh: Vec<String>,
     /// Names that apply to each region.
     regions: Vec<Vec<String>>,
-    /// Properties of vertices that are not attributes of the mesh.
+    /// Vertex properties that are not attributes of the mesh.
     properties: &'a [(String, Vec<f32>)],
 }
 
@@ -58,7 +58,7 @@ pub fn of_mesh(names: &PartNames, loaded: &Loaded) -> Result<OwnedMeshData, Asse
     let text = |name: &[u8]| String::from_utf8_lossy(name).into_owned();
     let regions = loaded.regions.iter().map(|region| {
         let groups = region.groups.into_iter().flat_map(|all| {
-            // Several names separated by blanks, or one name that contains blanks.
+            // Several names separated by spaces, or one name that contains spaces.
             std::iter::once(all).chain(all.split(|c| c.is_ascii_whitespace())).filter(|name| !name.is_empty())
         });
         let others = [region.object, region.material, region.smoothing].into_iter().flatten();
@@ -66,14 +66,14 @@ pub fn of_mesh(names: &PartNames, loaded: &Loaded) -> Result<OwnedMeshData, Asse
     });
     let named = NamedMesh {
         mesh: &loaded.mesh,
-        whole: Vec::new(),
+        whole_mesh: Vec::new(),
         regions: regions.collect(),
         properties: &loaded.properties,
     };
     let other = loaded.contents.attributes.iter().filter(|a| !VECTOR_ATTRIBUTES.contains(&a.as_str()));
     let mut all = constraints(names, &[named], other.cloned().collect()).map_err(|e| {
         if loaded.format.is_scene() {
-            AssetError::Name(format!("{e} (meshes and nodes have names only where the output is glTF)"))
+            AssetError::Name(format!("{e} (names of meshes and nodes are known only if the output is glTF)"))
         } else {
             e
         }
@@ -83,7 +83,7 @@ pub fn of_mesh(names: &PartNames, loaded: &Loaded) -> Result<OwnedMeshData, Asse
     Ok(own)
 }
 
-/// Returns locks and importance of the meshes of a scene with these numbers.
+/// Returns locks and importance of the meshes of a scene with these indices.
 ///
 /// # Errors
 /// Those of [`of_mesh`].
@@ -97,15 +97,15 @@ pub(crate) fn of_scene(
         .iter()
         .map(|&i| {
             let (mesh, own) = (&scene.meshes()[i], &of_meshes[i]);
-            let whole = std::iter::once(mesh.name.clone()).chain(own.nodes.iter().cloned()).collect();
+            let whole_mesh = std::iter::once(mesh.name.clone()).chain(own.nodes.iter().cloned()).collect();
             let regions = own.materials.iter().map(|m| m.iter().cloned().collect()).collect();
-            NamedMesh { mesh: &mesh.mesh, whole, regions, properties: &[] }
+            NamedMesh { mesh: &mesh.mesh, whole_mesh, regions, properties: &[] }
         })
         .collect();
     constraints(names, &all, Vec::new())
 }
 
-/// Names of attributes in lists of a file's content that do not have a single number for each vertex.
+/// Attributes in [`Contents::attributes`](lodsmith_io::Contents) with more than one number for each vertex.
 const VECTOR_ATTRIBUTES: [&str; 3] = ["normals", "uvs", "colors"];
 /// Names of colour channels on the command line.
 const CHANNELS: [&str; 4] = ["color.r", "color.g", "color.b", "color.a"];
@@ -125,13 +125,17 @@ fn constraints(
             }
         });
         let what = match known.len() {
-            0 => "it has no names at all".to_owned(),
+            0 => "the input has no names".to_owned(),
             n if n > MAX_NAMES_SHOWN => {
-                format!("there are {} and {} more", known[..MAX_NAMES_SHOWN].join(", "), n - MAX_NAMES_SHOWN)
+                format!(
+                    "known names: {} and {} more",
+                    known[..MAX_NAMES_SHOWN].join(", "),
+                    n - MAX_NAMES_SHOWN
+                )
             }
-            _ => format!("there are {}", known.join(", ")),
+            _ => format!("known names: {}", known.join(", ")),
         };
-        AssetError::Name(format!("{option} {name}: nothing has this name; {what}"))
+        AssetError::Name(format!("{option} {name}: the name does not occur; {what}"))
     };
     if !names.lock.is_empty() {
         for name in &names.lock {
@@ -141,7 +145,7 @@ fn constraints(
                 found |= named.lock(name, own.locked.get_or_insert_with(none));
             }
             if !found {
-                let names = all.iter().flat_map(|n| n.whole.iter().chain(n.regions.iter().flatten()));
+                let names = all.iter().flat_map(|n| n.whole_mesh.iter().chain(n.regions.iter().flatten()));
                 return Err(unknown("--lock", name, names.cloned().collect()));
             }
         }
@@ -164,7 +168,7 @@ impl NamedMesh<'_> {
     /// Locks the vertices that a name applies to. Returns true if the name occurs in this mesh.
     fn lock(&self, name: &str, locked: &mut [bool]) -> bool {
         let is = |other: &String| other == name;
-        let mut found = self.whole.iter().any(is);
+        let mut found = self.whole_mesh.iter().any(is);
         if found {
             locked.fill(true);
         }
@@ -185,29 +189,29 @@ impl NamedMesh<'_> {
         found
     }
 
-    /// Returns the values of vertices for a name: of several values at a vertex the one farthest from 0. NaN
-    /// and infinity count as 0.
+    /// Returns the values of a name at the vertices; if a vertex has several values, the value farthest from 0. NaN and
+    /// infinity count as 0.
     fn values(&self, name: &str) -> Option<Vec<f32>> {
         if let Some((_, values)) = self.properties.iter().find(|p| p.0 == name) {
             return Some(values.iter().map(|&x| if x.is_finite() { x } else { 0.0 }).collect());
         }
         let mesh = self.mesh;
         if let (Some(channel), Some(colors)) = (CHANNELS.iter().position(|c| *c == name), mesh.colors()) {
-            return Some(self.farthest(|w| &colors[w.index()][channel..=channel]));
+            return Some(self.farthest_from_0(|w| &colors[w.index()][channel..=channel]));
         }
-        // The underscore is a prefix of glTF.
+        // glTF prefixes custom attributes with an underscore.
         let is_meant =
             |s: &Semantic| s.name().is_some_and(|own| own == name || own.strip_prefix('_') == Some(name));
         let attribute = mesh.further_attributes().iter().find(|a| is_meant(&a.semantic))?;
-        Some(self.farthest(|w| attribute.of(w)))
+        Some(self.farthest_from_0(|w| attribute.of(w)))
     }
 
-    fn farthest<'v>(&self, of: impl Fn(WedgeId) -> &'v [f32]) -> Vec<f32> {
+    fn farthest_from_0<'v>(&self, of: impl Fn(WedgeId) -> &'v [f32]) -> Vec<f32> {
         let mut values = vec![0f32; self.mesh.vertex_count()];
         for w in (0..self.mesh.wedge_count()).map(WedgeId::new) {
-            let own = &mut values[self.mesh.vertex_of(w).index()];
+            let value = &mut values[self.mesh.vertex_of(w).index()];
             for &x in of(w).iter().filter(|x| x.is_finite()) {
-                *own = if x.abs() > own.abs() { x } else { *own };
+                *value = if x.abs() > value.abs() { x } else { *value };
             }
         }
         values

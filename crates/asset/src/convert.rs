@@ -1,4 +1,4 @@
-//! Conversion of a file to another format.
+//! Conversion of files to other formats.
 
 use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
 use serde_json::{Value, json};
@@ -29,7 +29,7 @@ pub struct ConvertOutcome {
     pub clock: StageClock,
 }
 
-/// Reads a file, rotates or scales it if asked for, and writes it.
+/// Reads a file, rotates or scales it if requested, and writes it.
 ///
 /// # Errors
 /// Those of [`Asset::read`] and [`Asset::write`].
@@ -56,7 +56,7 @@ pub fn convert(
 }
 
 impl ConvertOutcome {
-    /// Returns the report, with the path of the input as it was given.
+    /// Returns the report, with this path of the input.
     pub fn to_json(&self, path: &str, to: &Destination) -> Value {
         let mut report = json!({
             "input": {

@@ -1,4 +1,4 @@
-//! Outputs, and how they are written.
+//! Outputs, and options of writing them.
 
 use std::io;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::job::Job;
 use crate::paths::Sink;
 use crate::sizes::{self, WriteOutcome};
 
-/// The axis that is up.
+/// The axis that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
     /// y, as in glTF.
@@ -40,13 +40,13 @@ impl Up {
 pub struct Writing {
     /// Write text instead of binary (PLY, STL).
     pub ascii: bool,
-    /// Treatment of materials and textures that are files.
+    /// Treatment of material and texture files.
     pub textures: Textures,
-    /// Packing of glTF and GLB.
+    /// Compression of glTF and GLB.
     pub packing: Packing,
     /// Factor for all coordinates.
     pub scale: Option<f64>,
-    /// The axis that is to point up, after a rotation about x.
+    /// The axis that points up in the output, after a rotation about x.
     pub up: Option<Up>,
     /// Also replace inputs and write-protected files.
     pub force: bool,
@@ -72,7 +72,7 @@ impl Writing {
     pub(crate) fn mesh_options(&self, format: Format, regions: Regions) -> WriteOptions {
         let mut options = self.options(format);
         options.ascii = self.ascii;
-        // What --up rotated has the axes that were asked for: the format adds no rotation of its own.
+        // After --up, the mesh has the requested axes: the format must not rotate it again.
         let axes = |f: Frame| if self.up.is_some() { format == Format::ThreeMf } else { f.z_up };
         let frame = regions.frame().map(|f| Frame::new(f.unit, axes(f)));
         options.regions = Some(Arc::new(frame.into_iter().fold(regions, Regions::with_frame)));
@@ -80,21 +80,22 @@ impl Writing {
     }
 }
 
-/// The output for an input: where its result goes, and how it is written.
+/// The output for an input: its place, format and options of writing.
 #[derive(Clone, Debug)]
 pub struct Destination {
-    /// The place.
+    /// The file or standard output.
     pub sink: Sink,
     /// The format.
     pub format: Format,
     /// Options of writing.
     pub writing: Writing,
-    /// Nothing is written; the losses are found all the same.
+    /// Write nothing; losses are reported nevertheless.
     pub dry_run: bool,
 }
 
 impl Destination {
-    /// Returns true if a scene stays one here: rotating or scaling it would need changes of its nodes.
+    /// Returns true if a scene stays a scene: the format has scenes, and the scene is not rotated or scaled, which
+    /// would need changes of its nodes.
     pub fn keeps_scenes(&self) -> bool {
         self.format.keeps_scenes() && !self.writing.moves()
     }
@@ -105,13 +106,13 @@ impl Destination {
             && self.writing.textures != Textures::None
     }
 
-    /// Returns true if files with names from the input are written beside the output: the result of another
-    /// input may have the same.
+    /// Returns true if files with names from the input are written beside the output: other results may have files with
+    /// the same names.
     fn shares_names(&self, regions: &Regions) -> bool {
         self.format == Format::Obj && !regions.libraries().is_empty() && !self.dry_run
     }
 
-    /// Writes a mesh; returns the data that the format cannot hold, and sizes. Never leaves a partial file.
+    /// Writes a mesh; returns warnings about data that the format cannot store, and sizes. Never leaves a partial file.
     ///
     /// # Errors
     /// [`AssetError::Write`], [`AssetError::Stream`]; [`AssetError::Cancelled`] if the caller ends.
@@ -121,7 +122,7 @@ impl Destination {
         regions: Regions,
         job: &mut Job<'_>,
     ) -> Result<WriteOutcome, AssetError> {
-        // If two textures have one name, that of the earlier input keeps it.
+        // If two textures have the same name, the texture of the earlier input keeps it.
         if self.shares_names(&regions) {
             job.wait_for_earlier();
         }
@@ -143,8 +144,8 @@ impl Destination {
         WriteOutcome::new(written, Some(&self.sink).filter(|_| !self.dry_run), of_mesh)
     }
 
-    /// Writes a scene with some meshes replaced, and other names for the files that it refers to; otherwise
-    /// like [`write`](Self::write).
+    /// Like [`write`](Self::write), for a scene with some meshes replaced, and with other names for the files that it
+    /// refers to.
     pub(crate) fn write_scene(
         &self,
         scene: &Scene,
@@ -170,7 +171,7 @@ impl Destination {
         Ok(self.outcome(written, None))
     }
 
-    /// Writes a scene with levels of detail; otherwise like [`write_scene`](Self::write_scene).
+    /// Like [`write_scene`](Self::write_scene), with levels of detail.
     pub(crate) fn write_levels(
         &self,
         scene: &Scene,

@@ -13,11 +13,11 @@ use lodsmith_io::{ReadError, WriteError};
 #[cfg(feature = "pictures")]
 use lodsmith_render::{AnimationError, PictureError, RenderError};
 
-/// Reasons why a job has no result. The texts do not name the input, which the caller knows.
+/// Reasons why a job failed. The texts do not name the input, which the caller knows.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AssetError {
-    /// The options of a job are at fault, not a file.
+    /// An error in the options of a job.
     #[error("{0}")]
     Usage(String),
     /// There is no such option.
@@ -31,7 +31,7 @@ pub enum AssetError {
     /// The input cannot be read.
     #[error("{0}")]
     Read(ReadError),
-    /// An input other than the one that the caller names.
+    /// An error of an input other than the main input, which the caller names.
     #[error("{path}: {problem}")]
     Input {
         /// The input.
@@ -48,14 +48,14 @@ pub enum AssetError {
     /// The run of the engine failed.
     #[error("{0}")]
     Simplify(SimplifyError),
-    /// The bake failed.
+    /// Baking failed.
     #[error("{0}")]
     Bake(BakeError),
-    /// The time limit ended a bake.
-    #[error("the time limit ended the bake, which has no partial result")]
+    /// The time limit ended baking.
+    #[error("the time limit ended baking, which has no partial result")]
     BakeTimeout,
-    /// Levels are to be made of a scene that has some.
-    #[error("the scene has levels of detail already (MSFT_lod): start from a file without")]
+    /// Levels were requested for a scene that has levels already.
+    #[error("the scene has levels of detail already (MSFT_lod): use a file without levels")]
     Levels,
     /// Values do not fit a mesh.
     #[error("{0}")]
@@ -78,11 +78,11 @@ pub enum AssetError {
     /// The output cannot be written.
     #[error("{0}")]
     Write(WriteError),
-    /// Standard output did not accept all of a file. A reader that closes a pipe early causes it too, since the file is
-    /// truncated then.
+    /// Standard output did not accept all of a file. This is also the error if the reader of a pipe closes it early,
+    /// since the file is truncated then.
     #[error("{}", stream_text(.0))]
     Stream(io::Error),
-    /// A file that belongs to the options cannot be read, or a folder cannot be made.
+    /// A file that the options name cannot be read, or a folder cannot be created.
     #[error("{}: {problem}", path.display())]
     File {
         /// The file or folder.
@@ -90,8 +90,8 @@ pub enum AssetError {
         /// The reason.
         problem: io::Error,
     },
-    /// A folder for outputs cannot be made.
-    #[error("{}: cannot make the folder: {problem}", path.display())]
+    /// A folder for outputs cannot be created.
+    #[error("{}: cannot create the folder: {problem}", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -104,7 +104,7 @@ pub enum AssetError {
 }
 
 impl AssetError {
-    /// Names the input, which is not at fault if the caller ends.
+    /// Adds the name of the input, except to [`AssetError::Cancelled`], which does not concern it.
     pub(crate) fn of(self, input: impl ToString) -> Self {
         match self {
             Self::Cancelled => self,
@@ -112,14 +112,14 @@ impl AssetError {
         }
     }
 
-    /// True if what was asked for is at fault, not a file, a mesh or the system.
+    /// True for an error in the options, not in a file, a mesh or the system.
     pub fn is_usage(&self) -> bool {
         use SimplifyError::{BadOption, NotOfMethod, NotTogether};
-        let is_refused =
+        let is_bad_option =
             |why: &SimplifyError| matches!(why, BadOption { .. } | NotOfMethod { .. } | NotTogether { .. });
         match self {
             Self::Usage(_) | Self::UnknownOption { .. } => true,
-            Self::Simplify(why) => is_refused(why),
+            Self::Simplify(why) => is_bad_option(why),
             Self::Input { problem, .. } => problem.is_usage(),
             _ => false,
         }
@@ -133,7 +133,7 @@ fn stream_text(error: &io::Error) -> String {
     }
 }
 
-/// Returns an error of what was asked for.
+/// Returns an error in the options.
 pub(crate) fn usage(text: impl Into<String>) -> AssetError {
     AssetError::Usage(text.into())
 }

@@ -1,4 +1,4 @@
-//! References of a glTF scene to other files, updated when it is written to another folder.
+//! References of a glTF scene to other files, which change when the scene is written to another folder.
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::paths::{Sink, Source};
 pub(crate) struct FolderMove {
     /// Relative path from the folder of the output to that of the input, as a URI that ends in a slash; empty
     /// if they are the same. `None` if there is no such path or it is unknown.
-    way: Option<String>,
+    path: Option<String>,
 }
 
 impl FolderMove {
@@ -26,50 +26,49 @@ impl FolderMove {
             Sink::Path(path) => folder(path),
             Sink::Stream => None,
         };
-        let way = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| relative_uri(to, from));
-        Self { way }
+        let path = from.as_deref().zip(to.as_deref()).and_then(|(from, to)| relative_uri(to, from));
+        Self { path }
     }
 
     /// Returns the URI of a file relative to the folder of the output; `None` leaves it unchanged.
     pub(crate) fn uri(&self, uri: &str) -> Option<String> {
-        // An absolute path is independent of the folder.
+        // Absolute paths do not depend on the folder.
         if uri.starts_with(['/', '\\']) || uri.contains(':') {
             return None;
         }
-        let way = self.way.as_ref().filter(|way| !way.is_empty())?;
-        Some(format!("{way}{uri}"))
+        let path = self.path.as_ref().filter(|path| !path.is_empty())?;
+        Some(format!("{path}{uri}"))
     }
 
-    /// Embeds the images of a scene that becomes a GLB. Returns warnings about files that stay external; for a
-    /// `.gltf` beside which images are copied, and for 3MF, those come from the writer.
-    pub(crate) fn bring(&self, scene: &mut Scene, format: Format, textures: Textures) -> Vec<Warning> {
+    /// Embeds the images of a scene that is written as GLB. Returns warnings about files that stay external. For 3MF,
+    /// and for a `.gltf` with copies of its images, the writer returns such warnings.
+    pub(crate) fn embed(&self, scene: &mut Scene, format: Format, textures: Textures) -> Vec<Warning> {
         if format == Format::ThreeMf {
             return Vec::new();
         }
         let mut warnings = if format == Format::Glb { scene.embed_files() } else { Vec::new() };
-        if format == Format::Glb || textures != Textures::Copy || self.way.is_none() {
+        if format == Format::Glb || textures != Textures::Copy || self.path.is_none() {
             warnings.extend(self.external_file_warnings(scene));
         }
         warnings
     }
 
-    /// Returns warnings about files that stay external: those still in the folder of the input, and those
-    /// with an unknown path.
+    /// Returns warnings about files that stay external, in the folder of the input or at an unknown path.
     fn external_file_warnings(&self, scene: &Scene) -> Vec<Warning> {
         let outside = scene.external_files();
         let Some(first) = outside.first() else { return Vec::new() };
         let others =
             if outside.len() > 1 { format!(" and {} more", outside.len() - 1) } else { String::new() };
-        let text = match &self.way {
-            None => "looked for beside the output",
-            Some(way) if !way.is_empty() => "still those in the folder of the input",
+        let text = match &self.path {
+            None => "expected beside the output",
+            Some(path) if !path.is_empty() => "still in the folder of the input",
             Some(_) => return Vec::new(),
         };
         vec![Warning::note(format!("files that the scene refers to are {text}: {first}{others}"))]
     }
 }
 
-/// Returns the canonical folder of a file, without links and dots.
+/// Returns the folder of a file in canonical form, without links and dots.
 fn folder(path: &Path) -> Option<PathBuf> {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::canonicalize(parent).ok()
@@ -100,20 +99,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_between_folders() {
-        let way = |a: &str, b: &str| super::relative_uri(Path::new(a), Path::new(b)).unwrap();
-        assert_eq!(way("/a/b", "/a/b"), "");
-        assert_eq!(way("/a/b", "/a"), "../");
-        assert_eq!(way("/a/b", "/a/c d/ü"), "../c%20d/%C3%BC/");
+    fn relative_paths_between_folders() {
+        let path = |a: &str, b: &str| super::relative_uri(Path::new(a), Path::new(b)).unwrap();
+        assert_eq!(path("/a/b", "/a/b"), "");
+        assert_eq!(path("/a/b", "/a"), "../");
+        assert_eq!(path("/a/b", "/a/c d/ü"), "../c%20d/%C3%BC/");
     }
 
     #[test]
-    fn relative_names_are_linked_anew() {
-        let step = FolderMove { way: Some("../in/".to_owned()) };
+    fn relative_names_are_updated() {
+        let step = FolderMove { path: Some("../in/".to_owned()) };
         assert_eq!(step.uri("x.png").as_deref(), Some("../in/x.png"));
         assert_eq!(step.uri("../x.png").as_deref(), Some("../in/../x.png"));
         assert_eq!(step.uri("/x.png"), None);
         assert_eq!(step.uri("c:x.png"), None);
-        assert_eq!(FolderMove { way: None }.uri("x.png"), None);
+        assert_eq!(FolderMove { path: None }.uri("x.png"), None);
     }
 }

@@ -1,4 +1,4 @@
-//! The content and the defects of a file.
+//! Inspection of files: content and defects.
 
 use lodsmith_core::mesh::defects::defects;
 use lodsmith_core::mesh::weld::weld;
@@ -29,7 +29,7 @@ pub struct MeshFacts {
     pub places: usize,
     /// Counts of the topology.
     pub topology: TopologyCounts,
-    /// Number of faces on the positions of an earlier one, in either winding.
+    /// Number of faces with the same three positions as an earlier face, in either winding.
     pub duplicate_faces: usize,
     /// Number of vertices without a face.
     pub unused_vertices: usize,
@@ -60,7 +60,7 @@ impl MeshFacts {
         }
     }
 
-    /// Returns the facts as JSON, with the keys of a report of a file.
+    /// Returns the facts as JSON, with the keys of the report of `info`.
     pub fn to_json(&self) -> Value {
         let t = &self.topology;
         let corners = |f: fn(&Bounds) -> [f64; 3]| self.bounds.as_ref().map(f);
@@ -97,20 +97,19 @@ impl MeshFacts {
 pub struct Info {
     /// The format.
     pub format: Format,
-    /// The contents besides the mesh.
+    /// The contents other than the mesh.
     pub contents: Contents,
     /// Warnings of reading.
     pub warnings: Vec<Warning>,
-    /// The file as one mesh of all instances.
+    /// Facts about all instances as one mesh.
     pub mesh: MeshFacts,
-    /// True if it is closed where only vertices with the same index are joined; `None` for a format without
-    /// indices.
+    /// True if the surface is closed without merging vertices at equal positions; `None` for formats without indices.
     pub closed_by_index: Option<bool>,
-    /// Number of faces that are a side of a sheet.
+    /// Number of faces of two-sided sheets.
     pub two_sided_faces: usize,
     /// Sizes of the file; `None` if they are not known.
     pub sizes: Option<Sizes>,
-    /// Use of the caches of a GPU by the order of the triangles.
+    /// Efficiency of GPU caches with this order of triangles.
     pub cache: CacheUse,
     /// Seconds by stage.
     pub clock: StageClock,
@@ -124,7 +123,7 @@ pub fn info(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result
     job.enter(Step::Read);
     let asset = Asset::read(source, reading, false, job)?;
     let sizes = asset.sizes();
-    let loaded = asset.into_loaded().expect("it is read as one mesh");
+    let loaded = asset.into_loaded().expect("the file is read as one mesh");
     job.check_memory("info", memory_need::info(memory_need::Size::of(&loaded.mesh)))?;
     job.enter(Step::Inspect);
     Ok(Info {
@@ -140,8 +139,8 @@ pub fn info(source: &Source, reading: &ReadOptions, job: &mut Job<'_>) -> Result
     })
 }
 
-/// True if a surface is closed even if vertices at one position stay apart; `None` if the format has no indices.
-/// In glTF a vertex is a position with its attributes.
+/// True if a surface is closed without merging vertices at equal positions; `None` if the format has no indices.
+/// In glTF, a vertex is a position with its attributes.
 fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
     if loaded.format == Format::Stl {
         return None;
@@ -149,10 +148,10 @@ fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
     let mesh = &loaded.mesh;
     Some(match (loaded.format, mesh.vertex_map()) {
         (Format::Gltf | Format::Glb, Some(map)) => {
-            let places = mesh.positions().view();
-            let places: Vec<[f64; 3]> = map.iter().map(|v| places.get(*v)).collect();
+            let positions = mesh.positions().view();
+            let positions: Vec<[f64; 3]> = map.iter().map(|v| positions.get(*v)).collect();
             let faces = mesh.triangles().iter().map(|t| t.map(|w| VertexId(w.0))).collect();
-            let surface = Surface::with_triangles(PositionsView::F64(&places), faces);
+            let surface = Surface::with_triangles(PositionsView::F64(&positions), faces);
             surface.is_ok_and(|surface| Topology::unwelded(&surface).counts().is_closed())
         }
         _ => Topology::unwelded(&mesh.surface()).counts().is_closed(),
@@ -160,7 +159,7 @@ fn is_closed_by_index(loaded: &Loaded) -> Option<bool> {
 }
 
 impl Info {
-    /// Returns the report, with the path as it was given.
+    /// Returns the report, with this path.
     pub fn to_json(&self, path: &str) -> Value {
         let c = &self.contents;
         let mut report = json!({ "path": path, "format": self.format.name(), "meshes": c.meshes });
@@ -200,11 +199,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn duplicates_are_found_by_place_and_whichever_way_they_go() {
+    fn duplicates_are_found_by_position_in_either_winding() {
         let mut positions = vec![[0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         positions.extend(positions.clone());
         let face = |a, b, c| [VertexId(a), VertexId(b), VertexId(c)];
-        // The last one is degenerate after welding.
+        // The last face is degenerate after welding.
         let faces = vec![face(0, 1, 2), face(5, 4, 3), face(1, 2, 3), face(0, 3, 1)];
         let mesh = TriMesh::new(Positions::F32(positions), faces).unwrap();
         assert_eq!(MeshFacts::of(&mesh).duplicate_faces, 2);

@@ -1,4 +1,4 @@
-//! A job in progress: its caller, its times and its limits.
+//! A job in progress: its caller, times and limits.
 
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -13,13 +13,13 @@ use crate::error::AssetError;
 use crate::paths::Sink;
 use crate::values::MIN_MEMORY;
 
-/// A step of a job around the stages of the engine.
+/// A step of a job. (The stages of the engine are within the run.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Step {
     /// Read the input.
     Read,
-    /// Prepare the run of the engine, which names its stages from here on.
+    /// Prepare the run of the engine, which reports its stages from then on.
     Prepare,
     /// Clean the meshes.
     Clean,
@@ -48,33 +48,34 @@ impl Step {
     }
 }
 
-/// The caller of a job: it follows and cancels the run as a [`Control`] does, and has the standard streams.
+/// The interface of a job to its caller: progress and cancellation, as in [`Control`], and standard streams.
 pub trait Watch: Control {
-    /// A step begins.
+    /// Called at the start of a step.
     fn enter(&mut self, step: Step) {
         let _ = step;
     }
 
-    /// A number of frames of an animation are drawn.
+    /// Called before each frame of an animation: `done` of `all` frames are rendered.
     fn frame(&mut self, done: usize, all: usize) {
         let _ = (done, all);
     }
 
-    /// Returns what stands for standard input.
+    /// Returns the stream that serves as standard input.
     fn input(&mut self) -> Box<dyn Read + '_> {
         Box::new(io::empty())
     }
 
-    /// Returns what stands for standard output.
+    /// Returns the stream that serves as standard output.
     fn output(&mut self) -> Box<dyn Write + '_> {
         Box::new(io::sink())
     }
 
-    /// Waits for the jobs of earlier inputs: files with names from the input are written next, and theirs come first.
+    /// Waits for the jobs of earlier inputs. Called before writing files with names from the input, since earlier
+    /// inputs have precedence for a name.
     fn wait_for_earlier(&mut self) {}
 
-    /// Writes a file by calling `write`. A caller that may end the process waits until it returns. Returns false, without
-    /// writing, if the job is to end.
+    /// Writes a file by calling `write`. A caller that may end the process must wait until it has returned. Returns
+    /// false, without writing, if the job must end.
     fn while_writing(&mut self, path: &Path, write: &mut dyn FnMut()) -> bool {
         let _ = path;
         write();
@@ -84,7 +85,7 @@ pub trait Watch: Control {
 
 impl Watch for NoControl {}
 
-/// Seconds by stage, in the order in which stages first began.
+/// Seconds by stage, in the order of their first start.
 #[derive(Clone, Debug, Default)]
 pub struct StageClock {
     /// The stages with their seconds.
@@ -93,12 +94,12 @@ pub struct StageClock {
 }
 
 impl StageClock {
-    /// Makes a clock; these stages come first, in this order, even if they never begin.
+    /// Makes a clock; these stages come first, in this order, even if they never start.
     pub fn new(stages: &[&'static str]) -> Self {
         Self { stages: stages.iter().map(|name| (*name, 0.0)).collect(), running: None }
     }
 
-    /// Begins a stage, or continues it.
+    /// Starts or continues a stage.
     fn enter(&mut self, name: &'static str) {
         self.end();
         let i = self.stages.iter().position(|(n, _)| *n == name).unwrap_or_else(|| {
@@ -108,10 +109,10 @@ impl StageClock {
         self.running = Some((i, Instant::now()));
     }
 
-    /// Ends the present stage.
+    /// Ends the current stage.
     fn end(&mut self) {
-        if let Some((i, begin)) = self.running.take() {
-            self.stages[i].1 += begin.elapsed().as_secs_f64();
+        if let Some((i, start)) = self.running.take() {
+            self.stages[i].1 += start.elapsed().as_secs_f64();
         }
     }
 
@@ -121,11 +122,11 @@ impl StageClock {
     }
 }
 
-/// A job in progress. It is the [`Control`] of the runs of the engine in it.
+/// A job in progress. It is also the [`Control`] of its engine runs.
 pub struct Job<'w> {
     watch: &'w mut dyn Watch,
     clock: StageClock,
-    /// False while a step has no stages of its own.
+    /// False during steps without stages of the engine.
     has_stages: bool,
     time_limit: Option<f64>,
     deadline: Option<Instant>,
@@ -133,64 +134,63 @@ pub struct Job<'w> {
     is_cancelled: bool,
 }
 
-/// Default fraction of the available memory: the rest is for the system, and for needs that counts do not
+/// Default fraction of the available memory: the rest is for the system, and for memory that the estimates do not
 /// cover.
 const DEFAULT_MEMORY_SHARE: f64 = 0.75;
-/// Assumed memory of a machine if the system does not report it (anywhere but on Linux). (Guessed.)
+/// Assumed memory of a machine if the system does not report it (on all systems but Linux). (Guessed.)
 const ASSUMED_MEMORY: u64 = 16 << 30;
 /// Bytes of the program itself, without any model.
 const PROGRAM_BYTES: u64 = 8 << 20;
 
-/// Refuses a step that would take more than `limit` bytes, the program itself included.
+/// Refuses a step that would need more than `limit` bytes, including the program itself.
 ///
 /// # Errors
-/// [`AssetError::Memory`], which names the step, its need and the limit.
+/// [`AssetError::Memory`], with the step, the memory that it needs and the limit.
 pub fn check_memory(step: &str, need: u64, limit: u64) -> Result<(), AssetError> {
     Ok(memory::check(step, need.saturating_add(PROGRAM_BYTES), limit)?)
 }
 
 impl<'w> Job<'w> {
-    /// Begins a job: after `time_limit` seconds from now runs end with the best result so far, and a step that would take
-    /// more than `memory` bytes is refused.
+    /// Starts a job: `time_limit` seconds from now, runs end with the best result so far; a step that would need more
+    /// than `memory` bytes is refused.
     pub fn new(watch: &'w mut dyn Watch, time_limit: Option<f64>, memory: u64) -> Self {
-        // A year is for ever, and does not overflow a clock.
+        // Limited to a year, which does not overflow a clock.
         let limit = time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
         let clock = StageClock::new(&[Step::Read.name(), Step::Prepare.name(), Stage::Collapse.name()]);
         let deadline = limit.map(|d| Instant::now() + d);
         Self { watch, clock, has_stages: true, time_limit, deadline, memory, is_cancelled: false }
     }
 
-    /// Returns the bytes of memory that a step may take unless something else is said: three quarters of what the machine or
-    /// the container has.
+    /// Returns the default memory limit of a step in bytes: three quarters of the memory of the machine or container.
     pub fn default_memory() -> u64 {
         let all = machine::memory_limit().unwrap_or(ASSUMED_MEMORY);
         ((all as f64 * DEFAULT_MEMORY_SHARE) as u64).max(MIN_MEMORY)
     }
 
-    /// Lets these stages come first in the report.
+    /// Sets the stages that come first in the report.
     pub(crate) fn set_stages(&mut self, steps: &[Step]) {
         self.clock = StageClock::new(&steps.iter().map(|step| step.name()).collect::<Vec<_>>());
     }
 
-    /// Begins a step.
+    /// Starts a step.
     pub fn enter(&mut self, step: Step) {
         self.has_stages = step == Step::Prepare;
         self.clock.enter(step.name());
         self.watch.enter(step);
     }
 
-    /// Reports that a number of frames are drawn.
+    /// Reports the number of rendered frames.
     #[cfg(feature = "pictures")]
     pub(crate) fn frame(&mut self, done: usize, all: usize) {
         self.watch.frame(done, all);
     }
 
-    /// Returns the seconds after which runs end.
+    /// Returns the time limit of runs, in seconds.
     pub fn time_limit(&self) -> Option<f64> {
         self.time_limit
     }
 
-    /// Returns the bytes of memory that a step may take.
+    /// Returns the memory limit of a step, in bytes.
     pub(crate) fn memory(&self) -> u64 {
         self.memory
     }
@@ -200,16 +200,16 @@ impl<'w> Job<'w> {
         self.is_cancelled
     }
 
-    /// Ends the present stage and returns the times so far.
+    /// Ends the current stage and returns the times so far.
     pub fn times(&mut self) -> StageClock {
         self.clock.end();
         self.clock.clone()
     }
 
-    /// Refuses a step that would take more memory than allowed.
+    /// Refuses a step that would need more memory than allowed.
     ///
     /// # Errors
-    /// [`AssetError::Memory`], which names the step, its need and the limit.
+    /// [`AssetError::Memory`], with the step, the memory that it needs and the limit.
     pub fn check_memory(&self, step: &str, need: u64) -> Result<(), AssetError> {
         check_memory(step, need, self.memory)
     }
@@ -293,7 +293,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_is_a_share_of_the_memory() {
+    fn the_default_is_a_fraction_of_the_memory() {
         let limit = Job::default_memory();
         assert!(limit >= MIN_MEMORY);
         if let Some(all) = machine::memory_limit() {
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_takes_too_much_is_refused() {
+    fn a_step_that_needs_too_much_memory_is_refused() {
         let mut watch = NoControl;
         let job = Job::new(&mut watch, None, 100 << 20);
         assert!(job.check_memory("simplify", 90 << 20).is_ok());

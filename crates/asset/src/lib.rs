@@ -1,9 +1,10 @@
-//! Files as values: read, made lighter, baked, packed and written, with one report.
+//! Files as values: read, simplified, baked, compressed and written, with one report.
 //!
-//! A file of any format is an [`Asset`], what is done with it is plain data ([`Recipe`]), and what came of it is an
-//! [`Outcome`]. The command, the window and the packages for other languages are doors to this crate: it prints nothing,
-//! and knows no arguments and no screen. [`simplify()`], [`lod()`], [`clean()`], [`convert()`], [`bake()`] and [`info()`]
-//! go from file to file.
+//! A file of any format is an [`Asset`], the instructions for a job are plain data ([`Recipe`]), and its result is an
+//! [`Outcome`]. The command, the window and the packages for other languages all call this crate, which prints nothing
+//! and knows neither arguments nor screens. The jobs are [`simplify()`], [`lod()`], [`clean()`], [`convert()`],
+//! [`bake()`] and
+//! [`info()`]; they read files and write files.
 //!
 //! ```
 //! use lodsmith::{NoControl, SimplifyOptions, Stop};
@@ -52,7 +53,7 @@ pub mod sizes;
 pub mod values;
 pub mod warnings;
 
-pub use asset::{Asset, Chain, Edit, Lighter};
+pub use asset::{Asset, Chain, Edit, SimplifiedMeshes};
 pub use bake::{BakeOutcome, bake};
 pub use baking::{BakedScene, Baking, SideFile};
 pub use clean::{CleanOutcome, Count, clean, counts as clean_counts};

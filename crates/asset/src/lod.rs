@@ -1,4 +1,4 @@
-//! Levels of detail of a file.
+//! Levels of detail of files.
 
 mod bake;
 mod outputs;
@@ -12,7 +12,7 @@ use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
 pub use outputs::{LevelOutputs, Naming};
 
 use crate::asset::{Asset, Chain, Edit};
-use crate::baking::{Baking, forgive_colors, write_files};
+use crate::baking::{Baking, drop_color_warnings, write_files};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::AssetError;
@@ -28,18 +28,18 @@ use bake::{BakedLevels, bake_levels};
 /// Attribute with the position of a vertex in the next level.
 const GEOMORPH_ATTRIBUTE: &str = "_GEOMORPH";
 
-/// Which levels of detail are made, and how.
+/// Instructions for making levels of detail.
 #[derive(Clone, Debug)]
 pub struct LodRecipe {
     /// Options of the engine.
     pub options: LodOptions,
-    /// Names of parts of the file that the run treats in other ways.
+    /// Names of locked and important parts of the file.
     pub names: PartNames,
     /// Normals of the levels.
     pub normals: Normals,
     /// Maps to bake.
     pub baking: Option<Baking>,
-    /// The screen that switching distances are for.
+    /// The screen for which switching distances are computed.
     pub screen: Screen,
     /// Naming of files, meshes and nodes.
     pub naming: Naming,
@@ -54,13 +54,13 @@ pub struct LodOutcome {
     pub counts: [usize; 2],
     /// The levels below the original.
     pub levels: Vec<Level>,
-    /// The outputs of level 0 and of the others; none if nothing is written.
+    /// The outputs of all levels, from level 0 on; empty if nothing is written.
     pub outputs: Vec<Sink>,
     /// Sizes of the input; `None` if they are not known.
     pub sizes_before: Option<Sizes>,
-    /// Outcomes of writing: one file for all levels, or one for each, from level 0 on; without their warnings.
+    /// Outcomes of writing, without their warnings: one for a single file, else one for each level from level 0 on.
     pub written: Vec<WriteOutcome>,
-    /// Diagonal of the box around the original.
+    /// Diagonal of the bounding box of the original.
     pub diagonal: f64,
     /// Warnings of reading, of the run and of writing.
     pub warnings: Vec<Warning>,
@@ -77,9 +77,9 @@ pub struct Level {
     pub report: Report,
     /// The reason why its target was not reached.
     pub not_reached: Option<String>,
-    /// The distance from which on it looks like the original, at the scale of the output.
+    /// The distance from which on the level looks like the original, at the scale of the output.
     pub distance: f64,
-    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    /// Counts of the meshes that were simplified, with their names; empty for a single mesh.
     pub meshes: Vec<(String, MeshCounts)>,
 }
 
@@ -103,7 +103,7 @@ pub fn lod(
     let mut asset = Asset::read(&outputs.source, &reading, is_scene, job)?;
     job.enter(Step::Prepare);
     let (input_format, counts, sizes_before) = (asset.format(), asset.counts(), asset.sizes());
-    // Levels of a mesh are those of a scene where the output can be one.
+    // For glTF outputs, a mesh becomes a scene, so that its levels are levels of a scene.
     let is_gltf = to.is_some_and(|to| matches!(to.format, Format::Gltf | Format::Glb));
     let becomes_scene = baking.is_some() || is_gltf;
     let options = &recipe.options.simplify;
@@ -116,7 +116,7 @@ pub fn lod(
     job.check_memory("lod", asset.levels_need(options, &data))?;
     let Chain { levels: made, geomorphs } = asset.levels(&recipe.options, &data, job)?;
 
-    // Later levels have fewer faces still.
+    // Only the first level with such meshes is reported: later levels have even fewer faces.
     let starved = made.iter().enumerate().find_map(|(k, level)| {
         let counts: Vec<_> = level.counts.iter().map(|(_, counts)| *counts).collect();
         Some(Warning::note(format!("level {}: {}", k + 1, starved(&counts)?)))
@@ -135,14 +135,15 @@ pub fn lod(
             report: level.report,
             meshes: level.counts.into_iter().map(name).collect(),
         });
-        let mut own = level.meshes;
-        own.iter_mut().flatten().for_each(|mesh| recipe.normals.apply(mesh));
-        meshes.push(own);
+        let mut of_level = level.meshes;
+        of_level.iter_mut().flatten().for_each(|mesh| recipe.normals.apply(mesh));
+        meshes.push(of_level);
     }
-    for (own, geomorphs) in meshes.iter_mut().zip(&geomorphs) {
-        for (mesh, positions) in own.iter_mut().zip(geomorphs) {
+    for (of_level, geomorphs) in meshes.iter_mut().zip(&geomorphs) {
+        for (mesh, positions) in of_level.iter_mut().zip(geomorphs) {
             if let (Some(mesh), Some(positions)) = (mesh, positions) {
-                carry(mesh, positions, |p| if asset.scene().is_some() { p } else { oriented(p, &writing) })?;
+                let transform = |p| if asset.scene().is_some() { p } else { oriented(p, &writing) };
+                add_geomorph(mesh, positions, transform)?;
             }
         }
     }
@@ -157,14 +158,14 @@ pub fn lod(
         _ => None,
     };
     job.enter(Step::Write);
-    let mut whole = WholeChain { asset: &asset, scene, meshes, baked, outputs, recipe };
+    let mut writer = ChainWriter { asset: &asset, scene, meshes, baked, outputs, recipe };
     let distances: Vec<f64> = levels.iter().map(|level| level.distance).collect();
-    let mut written = whole.write(&distances, job)?;
+    let mut written = writer.write(&distances, job)?;
     warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
     if let (true, None, Some(to)) = (recipe.options.geomorph, asset.scene(), to)
         && to.format != Format::Ply
     {
-        warnings.push(Warning::lost(format!("{} cannot carry geomorph data: dropped", to.format.title())));
+        warnings.push(Warning::lost(format!("{} cannot store geomorph data: dropped", to.format.title())));
     }
     let of_run = levels.first().map_or(0.0, |level| level.report.error.diagonal);
     let outcome = LodOutcome {
@@ -183,7 +184,7 @@ pub fn lod(
     Ok(outcome)
 }
 
-/// Returns copies of the original meshes that get positions in the first level.
+/// Returns copies of the original meshes that geomorph to the first level.
 fn geomorphed_originals(asset: &Asset, geomorphs: &[Option<Positions>]) -> Vec<Option<TriMesh>> {
     let original = |(mesh, positions): (&TriMesh, &Option<Positions>)| {
         (positions.is_some() && mesh.face_count() > 0).then(|| mesh.clone())
@@ -191,39 +192,39 @@ fn geomorphed_originals(asset: &Asset, geomorphs: &[Option<Positions>]) -> Vec<O
     asset.meshes().into_iter().zip(geomorphs).map(original).collect()
 }
 
-/// Adds to a mesh the positions of its vertices in the next level, each mapped by `place`.
-fn carry(
+/// Adds to a mesh the positions of its vertices in the next level, after `transform`.
+fn add_geomorph(
     mesh: &mut TriMesh,
     geomorph: &Positions,
-    place: impl Fn([f64; 3]) -> [f64; 3],
+    transform: impl Fn([f64; 3]) -> [f64; 3],
 ) -> Result<(), AssetError> {
     let wedges = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w)));
-    let values = wedges.flat_map(|v| place(geomorph.view().get(v)).map(|x| x as f32)).collect();
+    let values = wedges.flat_map(|v| transform(geomorph.view().get(v)).map(|x| x as f32)).collect();
     let semantic = Semantic::Custom(GEOMORPH_ATTRIBUTE.to_owned());
     mesh.add_attribute(Attribute { semantic, width: 3, values })?;
     Ok(())
 }
 
-/// All levels, to be written.
-struct WholeChain<'a> {
+/// Writes all levels.
+struct ChainWriter<'a> {
     asset: &'a Asset,
-    /// The scene, with the materials of a bake.
+    /// The scene, with the materials of baking.
     scene: Option<Scene>,
-    /// The meshes of each level, from level 0 on, that are not those of the asset.
+    /// For each level, from level 0 on, the meshes that differ from the meshes of the asset.
     meshes: Vec<Vec<Option<TriMesh>>>,
     baked: Option<BakedLevels>,
     outputs: &'a LevelOutputs,
     recipe: &'a LodRecipe,
 }
 
-impl WholeChain<'_> {
-    /// Writes the levels: into one file, or each to its own.
+impl ChainWriter<'_> {
+    /// Writes the levels to one file, or each to its own file.
     fn write(&mut self, distances: &[f64], job: &mut Job<'_>) -> Result<Vec<WriteOutcome>, AssetError> {
         match (&self.outputs.first, &mut self.scene) {
             (None, _) => Ok(Vec::new()),
             (Some(to), Some(scene)) if self.outputs.folder.is_none() => {
                 let images = FolderMove::new(&self.outputs.source, &to.sink);
-                let warnings = images.bring(scene, to.format, to.writing.textures);
+                let warnings = images.embed(scene, to.format, to.writing.textures);
                 let naming = self.recipe.naming;
                 let mut levels = SceneLevels::new(std::mem::take(&mut self.meshes));
                 levels.separator = naming.mark().to_owned();
@@ -235,7 +236,7 @@ impl WholeChain<'_> {
                 let mut made = to.write_levels(scene, &levels, &|uri| images.uri(uri), job)?;
                 made.warnings.splice(0..0, warnings);
                 if self.has_color_map() {
-                    forgive_colors(&mut made.warnings);
+                    drop_color_warnings(&mut made.warnings);
                 }
                 for (level, files) in baked.files.iter().enumerate() {
                     let mark = format!("{}{}", naming.mark(), level + 1);
@@ -252,7 +253,7 @@ impl WholeChain<'_> {
                     let force = to.writing.force || to.dry_run;
                     paths::refuse_inputs(&to.sink, [&self.outputs.source], force)?;
                     let mut made = self.asset.write(self.edit(k), &to, job)?;
-                    // Each warning is in the first that has it.
+                    // Each warning is reported once.
                     made.warnings.retain(|w| !all.iter().any(|before| before.warnings.contains(w)));
                     all.push(made);
                 }
@@ -265,26 +266,26 @@ impl WholeChain<'_> {
         self.recipe.baking.as_ref().is_some_and(Baking::has_color)
     }
 
-    /// Returns a level as a change of the asset.
+    /// Returns the changes of the asset that make a level.
     fn edit(&mut self, level: usize) -> Edit {
         let mut edit = Edit { meshes: std::mem::take(&mut self.meshes[level]), ..Edit::default() };
         if let (Some(baked), Some(scene)) = (&self.baked, &self.scene) {
-            let mut own = scene.clone();
-            let below = level.checked_sub(1);
-            if let Some(materials) = below.and_then(|k| baked.materials.get(k)) {
-                lodsmith_bake::set_materials(&mut own, materials);
+            let mut scene = scene.clone();
+            let baked_level = level.checked_sub(1);
+            if let Some(materials) = baked_level.and_then(|k| baked.materials.get(k)) {
+                lodsmith_bake::set_materials(&mut scene, materials);
             }
-            own.drop_unused_materials();
-            edit.files = below.and_then(|k| baked.files.get(k)).cloned().unwrap_or_default();
-            edit.scene = Some(Box::new(own));
+            scene.drop_unused_materials();
+            edit.files = baked_level.and_then(|k| baked.files.get(k)).cloned().unwrap_or_default();
+            edit.scene = Some(Box::new(scene));
             (edit.is_baked, edit.has_color_map) = (true, self.has_color_map());
         }
         edit
     }
 }
 
-/// Returns for each mesh and level the fraction of the picture's height that the bounding sphere of the mesh
-/// covers at the distance where the next level is used.
+/// Returns, for each mesh and level, the fraction of the screen height that the bounding sphere of the mesh covers
+/// at the distance where the next level is used.
 fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
     let of_mesh = |m: &SceneMesh| {
         let diameter = m.largest_diagonal();
@@ -300,7 +301,7 @@ fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> 
     scene.meshes().iter().map(of_mesh).collect()
 }
 
-/// Returns the name of the input without its extension, or that of the output for standard input.
+/// Returns the name of the input without its extension; for standard input, the name of the output.
 fn name_of_input(input: &Source, sink: &Sink) -> Option<String> {
     let path = match (input, sink) {
         (Source::Path(path), _) | (Source::Stream, Sink::Path(path)) => path,

@@ -1,5 +1,5 @@
-//! Peak memory of each step in bytes, computed from counts; the meshes that were read are included. The
-//! figures were measured: docs/decisions/0022.
+//! Peak memory of each step in bytes, estimated from counts, including the meshes that were read. The constants
+//! were measured: docs/decisions/0022.
 
 use lodsmith::{Bound, Length, Measure, Method, OwnedMeshData, Remesh, SimplifyOptions, Textures};
 use lodsmith_core::measure::CompareOptions;
@@ -7,7 +7,7 @@ use lodsmith_core::topology::size_of;
 use lodsmith_core::{Splits, TriMesh};
 use lodsmith_io::gltf::SceneMesh;
 
-/// Number of faces above which copies are made when needed instead of kept.
+/// Number of faces above which copies are made when needed instead of being kept.
 const MANY_FACES: u64 = 1_000_000;
 
 /// Numbers of faces and of attribute values of meshes.
@@ -28,7 +28,7 @@ impl Size {
             + has(mesh.colors().is_some(), 4)
             + mesh.further_attributes().iter().map(|a| a.width as u64).sum::<u64>();
         let faces = mesh.face_count() as u64;
-        // The figures below assume half a wedge for each face, as usual; a soup has three.
+        // The constants below assume half a wedge for each face, as usual; a soup has three.
         let wedges = (2 * mesh.wedge_count() as u64).max(faces);
         Self { bytes: mesh.bytes(), faces, values: width.saturating_mul(wedges) }
     }
@@ -43,7 +43,7 @@ impl Size {
     }
 
     /// Returns the bytes of the buffers plus `face` bytes for each face and `value` bytes for each value; the
-    /// second figure of a pair applies above [`MANY_FACES`] faces.
+    /// second number of a pair applies above [`MANY_FACES`] faces.
     fn bytes_at(self, face: [u64; 2], value: [u64; 2]) -> u64 {
         let i = usize::from(self.faces > MANY_FACES);
         let own = self.faces.saturating_mul(face[i]).saturating_add(self.values.saturating_mul(value[i]));
@@ -54,7 +54,7 @@ impl Size {
 /// Bytes for an attribute value during edge collapse.
 const VALUE_BYTES: [u64; 2] = [31, 22];
 
-/// Returns the bytes for a face during a run of a method.
+/// Returns the bytes for each face during a run of a method.
 fn face_of(options: &SimplifyOptions) -> [u64; 2] {
     let own = match options.method {
         Method::Memoryless { .. }
@@ -67,12 +67,12 @@ fn face_of(options: &SimplifyOptions) -> [u64; 2] {
         Method::VertexRemoval { .. } | Method::Unsubdivide { .. } => [220, 220],
         Method::Planar { .. } => [400, 400],
         Method::Remesh(Remesh::OnSurface { .. }) => [300, 300],
-        // Unknown methods count like the one with the largest need.
+        // Unknown methods count like the method that needs most.
         _ => [560, 560],
     };
     let is_measured =
         options.measure == Measure::Always || matches!(options.bound, Bound::OneSided | Bound::TwoSided);
-    // A search keeps copies of the engine and some results, and proves distances.
+    // A search for an error keeps copies of the engine and some results, and proves distances.
     let more = match options.stop.error {
         Some(_) => [790, 660],
         None if is_measured => [110, 110],
@@ -92,8 +92,8 @@ fn remesh_bytes(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let surface = mesh.surface();
     let Some(bounds) = surface.positions().bounds() else { return 0 };
     let squares = |length: Length| size_of(&surface).area / length.in_units(bounds.diagonal()).powi(2);
-    // A surface passes through 1.5 cells for each square, an open one through twice as many; the engine
-    // refuses too many.
+    // A surface passes through 1.5 cells for each square, an open surface through twice as many; the engine
+    // refuses too many cells.
     let cells = voxel.map_or(0.0, |h| 400.0 * 3.0 * squares(h).min(8e6));
     let faces = edge_length.map_or(0.0, |l| 300.0 * 2.3 * squares(l));
     (cells + faces) as u64
@@ -104,13 +104,13 @@ pub fn images(data: &[OwnedMeshData]) -> u64 {
     Textures::bytes_of_all(data.iter().filter_map(|own| own.textures.as_ref()))
 }
 
-/// Returns the need of simplifying a mesh.
+/// Returns the peak memory of simplifying a mesh.
 pub fn simplify(mesh: &TriMesh, options: &SimplifyOptions) -> u64 {
     let own = Size::of(mesh).bytes_at(face_of(options), VALUE_BYTES);
     own.saturating_add(remesh_bytes(mesh, options))
 }
 
-/// Returns the need of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
+/// Returns the peak memory of simplifying the meshes of a scene: they are joined, and the buffers of the file stay
 /// in memory.
 pub fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOptions) -> u64 {
     let size = Size::of_all(meshes.iter().map(|m| &*m.mesh));
@@ -118,54 +118,54 @@ pub fn simplify_scene(meshes: &[SceneMesh], buffers: u64, options: &SimplifyOpti
     own.saturating_add(buffers)
 }
 
-/// Returns the need of a chain of levels, all of which are kept.
+/// Returns the peak memory of a chain of levels, all of which are kept.
 pub fn lod(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 140), VALUE_BYTES.map(|n| n + 10))
 }
 
-/// Returns the need of a chain of levels that becomes one scene.
+/// Returns the peak memory of a chain of levels that becomes one scene.
 pub fn lod_scene(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 330), VALUE_BYTES.map(|n| n + 10))
 }
 
-/// Returns the need of cleaning a mesh, including the result.
+/// Returns the peak memory of cleaning a mesh, including the result.
 pub fn clean(size: Size) -> u64 {
     size.bytes_at([115, 95], [4, 4]).saturating_add(size.bytes)
 }
 
-/// Returns the need of inspecting a mesh.
+/// Returns the peak memory of inspecting a mesh.
 pub fn info(size: Size) -> u64 {
     size.bytes_at([60, 54], [0, 0])
 }
 
-/// Returns the need of measuring one mesh against another.
+/// Returns the peak memory of measuring one mesh against another.
 pub fn compare(reference: Size, candidate: Size, options: &CompareOptions) -> u64 {
     let both = |face| reference.bytes_at(face, [2, 2]).saturating_add(candidate.bytes_at(face, [2, 2]));
     both([115, 112]).saturating_add((options.samples as u64).saturating_mul(50))
 }
 
-/// Returns the need of running every method on one mesh and measuring each result.
-pub fn methods(mesh: &TriMesh, hungriest: u64) -> u64 {
-    hungriest.saturating_add(Size::of(mesh).bytes_at([110, 110], [4, 4]))
+/// Returns the peak memory of running every method on one mesh and measuring each result.
+pub fn methods(mesh: &TriMesh, largest_need: u64) -> u64 {
+    largest_need.saturating_add(Size::of(mesh).bytes_at([110, 110], [4, 4]))
 }
 
-/// Returns the need of a recorded run and the splits made of it.
+/// Returns the peak memory of a recorded run and the splits made of it.
 pub fn progressive(size: Size, options: &SimplifyOptions) -> u64 {
     size.bytes_at(face_of(options).map(|n| n + 310), [48, 48])
 }
 
-/// Returns the need of extracting a level, including the splits.
+/// Returns the peak memory of extracting a level, including the splits.
 pub fn extract(splits: &Splits) -> u64 {
     let faces = splits.faces.len() as u64;
     faces.saturating_mul(215).saturating_add((splits.values.len() as u64).saturating_mul(8))
 }
 
-/// Returns the need of the triangle trees for distances of vertices, without the meshes.
+/// Returns the peak memory of the triangle trees for distances of vertices, without the meshes.
 pub fn distances(size: Size) -> u64 {
     size.faces.saturating_mul(110)
 }
 
-/// Returns the need of rendering `count` pictures of this size, with their models.
+/// Returns the peak memory of rendering `count` pictures of this size, with their models.
 pub fn render(size: Size, pixels: [usize; 2], count: usize, is_occluded: bool) -> u64 {
     let all = (pixels[0] as u64).saturating_mul(pixels[1] as u64);
     let each = if is_occluded { 36 } else { 8 };
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_there_is_more_of_takes_more() {
+    fn larger_inputs_need_more() {
         let options = SimplifyOptions::new(Stop::ratio(0.5));
         let (small, mut large) = (shapes::icosphere(2), shapes::icosphere(3));
         let bare = simplify(&large, &options);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn short_edges_and_small_voxels_take_more() {
+    fn short_edges_and_small_voxels_need_more() {
         let mesh = shapes::icosphere(2);
         let mut options = SimplifyOptions::default();
         options.method = MethodKind::Remesh.into();

@@ -6,10 +6,10 @@ use lodsmith_core::mesh::normals::wedge_normals;
 /// Normals of a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Normals {
-    /// Those carried over from the input.
+    /// Kept from the input.
     #[default]
     Keep,
-    /// Computed anew from the faces; hard edges stay hard.
+    /// Recomputed from the faces; hard edges stay hard.
     Recompute,
     /// None.
     None,
@@ -51,8 +51,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_of_a_cube_point_outward_whatever_its_diagonals() {
-        // Three faces meet at the origin; one of them is cut in two, which must not count double.
+    fn corner_normals_of_a_cube_do_not_depend_on_its_diagonals() {
+        // Three sides meet at the origin; one of them is two triangles, which must not count double.
         //   z
         //   |  y
         //   | /

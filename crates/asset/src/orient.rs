@@ -4,7 +4,7 @@ use lodsmith_core::TriMesh;
 
 use crate::destination::{Up, Writing};
 
-/// Scales and rotates a mesh as asked for; normals are rotated too.
+/// Scales and rotates a mesh by the options; normals are rotated too.
 pub fn orient(mesh: &mut TriMesh, writing: &Writing) {
     let scale = writing.scale.unwrap_or(1.0);
     if scale == 1.0 && writing.up.is_none() {
@@ -23,7 +23,7 @@ pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
     turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
 }
 
-/// Rotates by a quarter turn about x: the handedness is kept, and zero stays positive zero.
+/// Rotates by 90 degrees about x: the handedness is kept, and zero stays positive zero.
 fn turn<T: Default + std::ops::Sub<Output = T>>([x, y, z]: [T; 3], up: Option<Up>) -> [T; 3] {
     match up {
         None => [x, y, z],
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn up_points_where_asked_and_back() {
+    fn up_rotates_and_the_opposite_rotates_back() {
         assert_eq!(turn([0.0, 0.0, 1.0], Some(Up::Y)), [0.0, 1.0, 0.0]);
         assert_eq!(turn([0.0, 1.0, 0.0], Some(Up::Z)), [0.0, 0.0, 1.0]);
         assert_eq!(turn(turn([1.0, 2.0, 3.0], Some(Up::Y)), Some(Up::Z)), [1.0, 2.0, 3.0]);

@@ -1,10 +1,10 @@
-//! Base-colour images for the engine, which keeps their colours in place.
+//! Base-colour images for the engine, which keeps palette colours in place.
 
 use lodsmith::{OwnedMeshData, Texture, Textures};
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{BaseColor, Loaded, Warning};
 
-/// The base-colour textures of the meshes that a run simplifies, and warnings about those that are left out.
+/// The base-colour textures of the meshes that a run simplifies, and warnings about textures that are left out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Palettes {
     of_meshes: Vec<Option<Textures>>,
@@ -44,7 +44,7 @@ fn textures<'a>(of_regions: impl Iterator<Item = &'a Option<BaseColor>>) -> Opti
     Some(Textures::of_regions(of_regions.map(texture).collect())).filter(|own| !own.is_empty())
 }
 
-/// Returns a texture that uses the mesh's own texture coordinates.
+/// Returns a texture that uses the texture coordinates of the mesh.
 fn texture(of: &Option<BaseColor>) -> Option<Texture> {
     let (image, at) = of.as_ref().filter(|(_, at)| at.uv_set == 0)?;
     Some(Texture { image: image.clone(), transform: at.transform, sampler: at.sampler })

@@ -1,4 +1,4 @@
-//! Inputs and outputs: a path, or a standard stream, which is typed as `-`.
+//! Inputs and outputs: a path, or a standard stream, written `-`.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -29,7 +29,7 @@ pub enum Sink {
 }
 
 impl Source {
-    /// Returns the path that names of outputs are made of.
+    /// Returns the path from which names of outputs are made.
     pub(crate) fn name(&self) -> &Path {
         match self {
             Self::Path(path) => path,
@@ -39,14 +39,14 @@ impl Source {
 }
 
 impl From<OsString> for Source {
-    fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stream } else { Self::Path(typed.into()) }
+    fn from(text: OsString) -> Self {
+        if text == "-" { Self::Stream } else { Self::Path(text.into()) }
     }
 }
 
 impl From<OsString> for Sink {
-    fn from(typed: OsString) -> Self {
-        if typed == "-" { Self::Stream } else { Self::Path(typed.into()) }
+    fn from(text: OsString) -> Self {
+        if text == "-" { Self::Stream } else { Self::Path(text.into()) }
     }
 }
 
@@ -74,15 +74,15 @@ impl fmt::Display for Sink {
 /// [`AssetError::Usage`].
 pub fn at_most_one_stream<'a>(sources: impl IntoIterator<Item = &'a Source>) -> Result<(), AssetError> {
     if sources.into_iter().filter(|s| **s == Source::Stream).count() > 1 {
-        return Err(usage("standard input can be read only once: one `-` is enough"));
+        return Err(usage("standard input can be read only once: `-` is given twice"));
     }
     Ok(())
 }
 
-/// Returns the format of an output: the one asked for, or that of its file extension.
+/// Returns the format of an output: `to`, or the format of the file extension.
 ///
 /// # Errors
-/// [`AssetError::Usage`] if there is none, or meshes cannot be written in it.
+/// [`AssetError::Usage`] if there is no format, or if meshes cannot be written in it.
 pub fn format_of(sink: &Sink, to: Option<Format>) -> Result<Format, AssetError> {
     let hint = match sink {
         Sink::Path(path) => hint_of(path),
@@ -94,9 +94,9 @@ pub fn format_of(sink: &Sink, to: Option<Format>) -> Result<Format, AssetError> 
             Err(usage(WriteError::ReadOnly { format: format.title() }.to_string()))
         }
         (Some(format), _) => Ok(format),
-        (None, Sink::Stream) => Err(usage("standard output has no ending: say the format with --to")),
+        (None, Sink::Stream) => Err(usage("standard output has no file extension: set the format with --to")),
         (None, Sink::Path(path)) if path.is_dir() => {
-            Err(usage(format!("{}: is a folder: name a file in it", path.display())))
+            Err(usage(format!("{}: is a folder: give a file name in it", path.display())))
         }
         (None, Sink::Path(path)) => Err(usage(WriteError::UnknownFormat { path: path.clone() }.to_string())),
     }
@@ -115,7 +115,7 @@ pub fn refuse_folder(sink: &Sink, hint: &str) -> Result<(), AssetError> {
     }
 }
 
-/// Refuses to overwrite an input unless asked for: it may be the only copy.
+/// Refuses to overwrite an input without `force`: it may be the only copy.
 ///
 /// # Errors
 /// [`AssetError::Usage`] if the output is an input.
@@ -126,30 +126,31 @@ pub fn refuse_inputs<'a>(
 ) -> Result<(), AssetError> {
     let Sink::Path(path) = sink else { return Ok(()) };
     // A device or a pipe cannot be overwritten.
-    if force || !fs::metadata(path).is_ok_and(|about| about.is_file()) {
+    if force || !fs::metadata(path).is_ok_and(|metadata| metadata.is_file()) {
         return Ok(());
     }
-    let place = identity(path);
+    let output = identity(path);
     for input in inputs {
-        if matches!(input, Source::Path(input) if identity(input) == place) {
-            return Err(usage(format!("{sink}: is an input; --force writes over it")));
+        if matches!(input, Source::Path(input) if identity(input) == output) {
+            return Err(usage(format!("{sink}: is an input; --force overwrites it")));
         }
     }
     Ok(())
 }
 
-/// Returns a path without the ending of compression.
+/// Returns a path without the extension `.gz`.
 pub(crate) fn unpacked(path: &Path) -> PathBuf {
     let is_gz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
     if is_gz { path.with_extension("") } else { path.to_owned() }
 }
 
-/// Returns the name of a file without its endings.
+/// Returns the name of a file without its extensions.
 pub(crate) fn stem(path: &Path) -> String {
     unpacked(path).file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Returns a canonical form of a path, the same for all spellings of it, as far as the file system can tell.
+/// Returns the canonical form of a path, which is the same for all paths to the file, as far as the file system can
+/// tell.
 pub fn identity(path: &Path) -> PathBuf {
     if let Ok(real) = path.canonicalize() {
         return real;
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ending_names_the_format_unless_told() {
+    fn the_extension_determines_the_format_unless_one_is_given() {
         let sink = |s: &str| Sink::from(OsString::from(s));
         assert_eq!(format_of(&sink("a.stl.gz"), None).unwrap(), Format::Stl);
         assert_eq!(format_of(&sink("a.stl"), Some(Format::Ply)).unwrap(), Format::Ply);

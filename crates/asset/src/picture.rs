@@ -1,4 +1,4 @@
-//! Pictures of files: one, several side by side, or a turn around them.
+//! Pictures of files: one, several side by side, or a turntable.
 
 mod camera;
 mod distances;
@@ -29,18 +29,18 @@ pub use drawing::{PictureRow, heat_legend};
 pub use output::{PictureOutput, picture_format, write_picture};
 pub use recipe::{PictureRecipe, Surroundings};
 
-/// Outcome of pictures.
+/// Result of rendering pictures.
 #[derive(Debug)]
 pub struct PictureOutcome {
-    /// The picture, if there is no output; of a turn the first one.
+    /// The picture, if there is no output; the first one of a turntable.
     pub picture: Option<Image>,
-    /// Width and height of the picture, or of each if there are several.
+    /// Width and height of the picture, or of each picture if there are several.
     pub size: [usize; 2],
-    /// What was drawn, in the order of the sheet.
+    /// The rendered items, in the order of the contact sheet.
     pub rows: Vec<PictureRow>,
-    /// Values at the ends of the colours of a heat map.
+    /// Values at the ends of the colour scale of a heat map.
     pub heat_range: Option<[f32; 2]>,
-    /// Warnings of reading, with the path of each file.
+    /// Warnings from reading, with the path of each file.
     pub warnings: Vec<(String, Vec<Warning>)>,
     /// Number of threads of the pool.
     pub threads: usize,
@@ -48,11 +48,11 @@ pub struct PictureOutcome {
     pub clock: StageClock,
 }
 
-/// Reads files, draws them, and writes what was drawn. All files are drawn in one picture.
+/// Reads files, renders all of them in one picture, and writes it.
 ///
 /// # Errors
 /// [`AssetError::Usage`] for a recipe that contradicts itself or the files, [`AssetError::Read`],
-/// [`AssetError::Memory`]; [`AssetError::Simplify`] for levels. An error of a file names it.
+/// [`AssetError::Memory`]; [`AssetError::Simplify`] for levels. An error of a file has its name.
 pub fn render(
     inputs: &[Source],
     reading: &ReadOptions,
@@ -113,10 +113,10 @@ fn images(recipe: &PictureRecipe) -> Result<Images, AssetError> {
     Ok(Images { matcap, environment })
 }
 
-/// Metal without surroundings has little to reflect.
+/// Returns true if the automatic environment is the studio: metal without an environment has little to reflect.
 fn wants_studio(recipe: &PictureRecipe, items: &[Item]) -> bool {
-    let is_behind = matches!(recipe.background, Background::Environment { .. });
-    is_behind || items.iter().any(|item| item.model.has_metal())
+    let is_background = matches!(recipe.background, Background::Environment { .. });
+    is_background || items.iter().any(|item| item.model.has_metal())
 }
 
 fn check_memory(recipe: &PictureRecipe, items: &[Item], job: &Job<'_>) -> Result<(), AssetError> {

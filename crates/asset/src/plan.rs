@@ -20,13 +20,13 @@ pub struct Assignment {
 }
 
 impl Assignment {
-    /// Returns true if a scene stays one in the output.
+    /// Returns true if a scene stays a scene in the output.
     pub fn keeps_scenes(&self) -> bool {
         self.output.as_ref().is_some_and(Destination::keeps_scenes)
     }
 }
 
-/// Where results are to go.
+/// The requested destinations of results.
 pub struct Outputs<'a> {
     /// The inputs.
     pub inputs: &'a [Source],
@@ -40,54 +40,56 @@ pub struct Outputs<'a> {
     pub from: Option<Format>,
     /// Format of the outputs, if it was given.
     pub to: Option<Format>,
-    /// How they are written.
+    /// Options of writing.
     pub writing: Writing,
-    /// True if standard output carries the report.
+    /// True if the report goes to standard output.
     pub json: bool,
-    /// Nothing is written.
+    /// Write nothing.
     pub dry_run: bool,
 }
 
 /// Assigns an output to each input.
 ///
 /// # Errors
-/// [`AssetError::Usage`]: results that would overwrite each other, another input or a folder; extensions that name no
-/// format; more than one use of a standard stream.
-pub fn assign(wanted: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
-    paths::at_most_one_stream(wanted.inputs)?;
+/// [`AssetError::Usage`] for results that would overwrite each other, another input or a folder, for extensions without
+/// a format, and for more than one use of a standard stream.
+pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
+    paths::at_most_one_stream(outputs.inputs)?;
     let job = |source: &Source, sink: Sink| {
-        // (Only several inputs have a template.)
-        let hint = if wanted.name.is_empty() { "" } else { ": use -O to write into it" };
+        // (Only commands with several inputs have a template.)
+        let hint = if outputs.name.is_empty() { "" } else { ": use -O to write into it" };
         paths::refuse_folder(&sink, hint)?;
-        let format = paths::format_of(&sink, wanted.to)?;
-        let output = Destination { sink, format, writing: wanted.writing, dry_run: wanted.dry_run };
+        let format = paths::format_of(&sink, outputs.to)?;
+        let output = Destination { sink, format, writing: outputs.writing, dry_run: outputs.dry_run };
         Ok(Assignment { source: source.clone(), output: Some(output) })
     };
-    let jobs = match (wanted.output, wanted.out_dir) {
+    let jobs = match (outputs.output, outputs.out_dir) {
         (Some(_), Some(_)) => return Err(usage("an output or a folder for outputs is expected, not both")),
-        (Some(_), _) if wanted.inputs.len() > 1 => {
-            return Err(usage("several inputs cannot share one output: give a folder with -O"));
+        (Some(_), _) if outputs.inputs.len() > 1 => {
+            return Err(usage("several inputs cannot share one output: use a folder (-O)"));
         }
         (Some(sink), _) => {
-            if *sink == Sink::Stream && wanted.json && !wanted.dry_run {
-                return Err(usage("the mesh and --json both want standard output: give the mesh a file"));
+            if *sink == Sink::Stream && outputs.json && !outputs.dry_run {
+                return Err(usage(
+                    "standard output cannot have both the mesh and --json: write the mesh to a file",
+                ));
             }
-            vec![job(&wanted.inputs[0], sink.clone())?]
+            vec![job(&outputs.inputs[0], sink.clone())?]
         }
         (None, Some(folder)) => {
             if folder.exists() && !folder.is_dir() {
                 return Err(usage(format!("{}: is not a folder", folder.display())));
             }
-            let job = |source| job(source, Sink::Path(folder.join(name(source, wanted)?)));
-            wanted.inputs.iter().map(job).collect::<Result<_, AssetError>>()?
+            let job = |source| job(source, Sink::Path(folder.join(name(source, outputs)?)));
+            outputs.inputs.iter().map(job).collect::<Result<_, AssetError>>()?
         }
         (None, None) => {
-            wanted.inputs.iter().map(|s| Assignment { source: s.clone(), output: None }).collect()
+            outputs.inputs.iter().map(|s| Assignment { source: s.clone(), output: None }).collect()
         }
     };
     for job in &jobs {
         if let Some(to) = &job.output {
-            paths::refuse_inputs(&to.sink, [&job.source], wanted.writing.force || wanted.dry_run)?;
+            paths::refuse_inputs(&to.sink, [&job.source], outputs.writing.force || outputs.dry_run)?;
         }
     }
     check_collisions(&jobs)?;
@@ -95,30 +97,30 @@ pub fn assign(wanted: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
 }
 
 /// Returns the file name of a result by the template.
-fn name(source: &Source, wanted: &Outputs<'_>) -> Result<String, AssetError> {
+fn name(source: &Source, outputs: &Outputs<'_>) -> Result<String, AssetError> {
     let plain = paths::unpacked(source.name());
     let own = || hint_of(&plain).and(plain.extension()).map(|e| e.to_string_lossy().into_owned());
-    let ext = wanted.to.or(wanted.from).map(|f| f.name().to_owned()).or_else(own);
-    let mut name = wanted.name.replace("{stem}", &paths::stem(source.name()));
+    let ext = outputs.to.or(outputs.from).map(|f| f.name().to_owned()).or_else(own);
+    let mut name = outputs.name.replace("{stem}", &paths::stem(source.name()));
     if name.contains("{ext}") {
         let ext = ext.ok_or_else(|| {
-            usage(format!("{source}: the ending names no format for the result: say which with --to"))
+            usage(format!("{source}: the extension is no format for the result: set one with --to"))
         })?;
         name = name.replace("{ext}", &ext);
     }
-    // The stem may contain braces, the template only known placeholders.
-    let unknown = wanted.name.replace("{stem}", "").replace("{ext}", "");
+    // The stem may contain braces; the template may contain only known placeholders.
+    let unknown = outputs.name.replace("{stem}", "").replace("{ext}", "");
     if unknown.contains(['{', '}']) {
-        return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", wanted.name)));
+        return Err(usage(format!("--name {}: only {{stem}} and {{ext}} are known", outputs.name)));
     }
     if name.contains(['/', '\\']) || name.is_empty() || name == "." || name == ".." {
-        return Err(usage(format!("--name {}: a name in the folder is wanted, not {name}", wanted.name)));
+        return Err(usage(format!("--name {}: {name} is a path; only a file name is allowed", outputs.name)));
     }
     Ok(name)
 }
 
-/// Returns an error if two results have the same path, or a result is the input of another: the order would
-/// be random.
+/// Returns an error if two results have the same path, or if a result would overwrite another input: the outcome
+/// would depend on the order.
 fn check_collisions(jobs: &[Assignment]) -> Result<(), AssetError> {
     let mut inputs: HashMap<PathBuf, usize> = HashMap::new();
     for (i, job) in jobs.iter().enumerate() {
@@ -129,20 +131,20 @@ fn check_collisions(jobs: &[Assignment]) -> Result<(), AssetError> {
     let mut outputs: HashMap<PathBuf, usize> = HashMap::new();
     for (i, job) in jobs.iter().enumerate() {
         let Some(Destination { sink: Sink::Path(path), .. }) = &job.output else { continue };
-        let place = identity(path);
-        if let Some(&other) = inputs.get(&place)
+        let output = identity(path);
+        if let Some(&other) = inputs.get(&output)
             && other != i
         {
             let (own, other) = (&job.source, &jobs[other].source);
             return Err(usage(format!(
-                "the result of {own} would fall onto the input {other}: use another --name"
+                "the result of {own} would overwrite the input {other}: use another --name"
             )));
         }
-        if let Some(other) = outputs.insert(place, i) {
+        if let Some(other) = outputs.insert(output, i) {
             let (a, b) = (&jobs[other].source, &job.source);
             let path = path.display();
             return Err(usage(format!(
-                "the results of {a} and {b} would both be {path}: use another --name or -O"
+                "the results of {a} and {b} would have the same path {path}: use another --name or -O"
             )));
         }
     }

@@ -4,7 +4,7 @@ use lodsmith::Stage;
 
 use crate::job::Step;
 
-/// Begin and end of a part of a job, as fractions of the whole. Guessed from runs on scans.
+/// Start and end of a part of a job, as fractions of the whole job. (Guessed from runs on scans.)
 pub type Span = (f64, f64);
 
 /// Returns the span of a step.
@@ -13,7 +13,7 @@ pub const fn step_span(step: Step) -> Span {
         Step::Read => (0.0, 0.15),
         Step::Prepare | Step::Clean => stage_span(Stage::Prepare),
         Step::Inspect | Step::Bake => stage_span(Stage::Measure),
-        // From the begin of the engine's stages to that of writing.
+        // From the start of the stages of the engine to the start of writing.
         Step::Draw => (0.25, 0.95),
         Step::Write => (0.95, 1.0),
     }
@@ -29,7 +29,7 @@ pub const fn stage_span(stage: Stage) -> Span {
     }
 }
 
-/// The fraction of a job that is done; it never goes back.
+/// The fraction of a job that is done; it never decreases.
 #[derive(Clone, Copy, Debug)]
 pub struct JobProgress {
     span: Span,
@@ -43,12 +43,12 @@ impl Default for JobProgress {
 }
 
 impl JobProgress {
-    /// A step begins.
+    /// Starts a step.
     pub fn step(&mut self, step: Step) {
         self.enter(step_span(step));
     }
 
-    /// A stage of the engine begins.
+    /// Starts a stage of the engine.
     pub fn stage(&mut self, stage: Stage) {
         self.enter(stage_span(stage));
     }
@@ -58,7 +58,7 @@ impl JobProgress {
         self.within(0.0);
     }
 
-    /// This fraction of the present stage is done.
+    /// Sets the fraction of the current stage that is done.
     pub fn within(&mut self, done: f64) {
         let (from, to) = self.span;
         self.done = self.done.max(from + (to - from) * done.clamp(0.0, 1.0));
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_job_never_goes_back() {
+    fn progress_never_decreases() {
         let mut job = JobProgress::default();
         job.step(Step::Read);
         job.stage(Stage::Fit);

@@ -4,12 +4,12 @@ use lodsmith::{BorderPolicy, Change, Escalation, Length, Proposal, Report, Simpl
 use lodsmith_core::numbers::grouped;
 use serde_json::{Value, json};
 
-/// An option, its present value, and the value it would need.
+/// An option, its current value, and the value that it would need.
 struct OptionChange {
     option: &'static str,
     now: Value,
     to: String,
-    /// True if `to` is a value of the option, not a direction.
+    /// True if `to` is a value of the option, false if it is a direction such as "higher".
     is_value: bool,
 }
 
@@ -68,25 +68,25 @@ fn length(length: Length) -> String {
 /// Returns a step of an escalation as text.
 pub(crate) fn step_text(step: &Escalation) -> String {
     let Escalation { change, before, after, .. } = *step;
-    let words = OptionChange::of(change, &SimplifyOptions::default());
-    let came = match after < before {
+    let change = OptionChange::of(change, &SimplifyOptions::default());
+    let result = match after < before {
         true => format!("{} → {} faces", grouped(before), grouped(after)),
         false => format!("no fewer than {} faces", grouped(before)),
     };
-    format!("escalated to --{} {}: {came}", words.option, words.to)
+    format!("escalated to --{} {}: {result}", change.option, change.to)
 }
 
 /// Returns the steps of an escalation as JSON.
 pub(crate) fn steps_json(report: &Report) -> Value {
     let of = |step: &Escalation| {
-        let words = OptionChange::of(step.change, &SimplifyOptions::default());
-        json!({ "option": words.option, "to": words.to, "before": step.before, "after": step.after })
+        let change = OptionChange::of(step.change, &SimplifyOptions::default());
+        json!({ "option": change.option, "to": change.to, "before": step.before, "after": step.after })
     };
     report.escalated.iter().map(of).collect()
 }
 
-/// Returns the proposals as text, or advice if there are none. `has_border` is asked if the advice depends on
-/// open borders of the result.
+/// Returns the proposals as text, or other advice if there are none. `has_border` is called only if the advice depends
+/// on whether the result has open borders.
 pub(crate) fn text(
     report: &Report,
     options: &SimplifyOptions,
@@ -96,10 +96,10 @@ pub(crate) fn text(
     match (report.stopped_by, time_limit) {
         (StoppedBy::Caller, Some(s)) => Some(format!("a higher --time-limit (now {s}) would go further")),
         (StoppedBy::Refusals, _) if report.proposals.is_empty() => {
-            // (Under it costs differ, so a new run takes another way.)
-            let is_held = options.border != BorderPolicy::Free && has_border();
-            let other_way = if is_held { "; a run with --border free may still end lower" } else { "" };
-            Some(format!("no option frees what is left{other_way}"))
+            // (With free borders, costs differ, so that a new run does other collapses.)
+            let holds_border = options.border != BorderPolicy::Free && has_border();
+            let advice = if holds_border { "; a new run with --border free may remove more" } else { "" };
+            Some(format!("no option permits more collapses{advice}"))
         }
         (StoppedBy::Refusals, _) => {
             let of = |p: &Proposal| {
@@ -119,8 +119,8 @@ pub(crate) fn text(
 /// Returns the proposals as JSON.
 pub(crate) fn to_json(report: &Report, options: &SimplifyOptions) -> Value {
     let change = |c: &Change| {
-        let words = OptionChange::of(*c, options);
-        json!({ "option": words.option, "now": words.now, "to": words.to })
+        let change = OptionChange::of(*c, options);
+        json!({ "option": change.option, "now": change.now, "to": change.to })
     };
     let of =
         |p: &Proposal| json!({ "changes": p.changes.iter().map(change).collect::<Vec<_>>(), "gain": p.gain });

@@ -1,4 +1,4 @@
-//! Parts of JSON reports that several commands have.
+//! Parts of JSON reports that several commands share.
 
 use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionGroup, OptionValue, length_text};
 use lodsmith::{Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};
@@ -47,7 +47,7 @@ pub fn run(report: &Report, options: &SimplifyOptions) -> Value {
     all
 }
 
-/// Returns what a report says of a file: `counts` are its numbers of faces and vertices.
+/// Returns the description of a file in reports: `counts` are its numbers of faces and vertices.
 pub(crate) fn file(path: Value, format: Option<Format>, counts: [usize; 2], sizes: Option<Sizes>) -> Value {
     json!({
         "path": path, "format": format.map(Format::name), "faces": counts[0], "vertices": counts[1],
@@ -55,7 +55,7 @@ pub(crate) fn file(path: Value, format: Option<Format>, counts: [usize; 2], size
     })
 }
 
-/// Returns what a report says of an output, if there is one.
+/// Returns the description of an output in reports; null without an output.
 pub(crate) fn output(to: Option<&Destination>, counts: [usize; 2], written: &WriteOutcome) -> Value {
     let path = to.map(|to| to.sink.to_string());
     let mut output = file(path.into(), to.map(|to| to.format), counts, written.sizes);
@@ -65,12 +65,12 @@ pub(crate) fn output(to: Option<&Destination>, counts: [usize; 2], written: &Wri
     output
 }
 
-/// Takes a property out of an object; the others keep their order.
+/// Removes a property of an object and returns it; the other properties keep their order.
 pub(crate) fn take(all: &mut Value, key: &str) -> Value {
     all.as_object_mut().and_then(|all| all.shift_remove(key)).unwrap_or_default()
 }
 
-/// Adds the properties of an object to another, in place of those of the same name.
+/// Adds the properties of an object to another, replacing properties with the same name.
 pub(crate) fn extend(all: &mut Value, more: Value) {
     if let (Value::Object(all), Value::Object(more)) = (all, more) {
         all.extend(more);
@@ -100,7 +100,7 @@ pub fn measured_json(m: &Comparison) -> Value {
     json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
 }
 
-/// Returns a figure for each direction and for both.
+/// Returns a distance for each direction and for both together.
 pub fn both_ways(x: &TwoWay) -> Value {
     json!({ "forward": x.forward, "backward": x.backward, "symmetric": x.symmetric })
 }
@@ -125,7 +125,7 @@ pub(crate) fn refusals(report: &Report) -> Value {
     by_name(report.refusals.iter().map(|(refusal, n)| (refusal.name(), *n)))
 }
 
-/// Returns what was repaired before a run, with counts.
+/// Returns the repairs before a run, with counts.
 pub fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
     let c = &report.cleanup;
     [
@@ -152,7 +152,7 @@ pub fn target(stop: &Stop) -> Value {
     by_name(OPTIONS.iter().filter(|option| option.group == OptionGroup::Target).filter_map(value))
 }
 
-/// Returns which levels were asked for.
+/// Returns the requested levels.
 pub fn levels_target(levels: &Levels) -> Value {
     match levels {
         Levels::Ratios(ratios) => json!({ "levels": ratios }),

@@ -1,6 +1,6 @@
-//! Jobs on files as plain values: the options by name, as the command and packages for other languages have them.
+//! Jobs on files as plain values, with options by name, for the command and for packages in other languages.
 //!
-//! Names and values are those of the command's options. Underscores count as dashes.
+//! Names and values are as on the command line. Underscores count as dashes.
 
 mod file_options;
 mod planned;
@@ -31,33 +31,33 @@ pub struct Request {
     pub vertices: Option<OwnedMeshData>,
 }
 
-/// What came of a request.
+/// Result of a request.
 #[derive(Debug)]
 pub struct Answer {
     /// The report, as the command prints it with `--json`.
     pub report: Value,
     /// Warnings, each with the path of its file.
     pub warnings: Vec<String>,
-    /// What `strict` makes a fault.
+    /// Messages that `strict` turns from warnings into errors.
     pub faults: Vec<String>,
-    /// The picture, if one was drawn and not written.
+    /// The picture, if one was rendered and not written.
     pub picture: Option<Image>,
 }
 
 impl Request {
-    /// Makes a request of options by name; texts of its answer name options with this spelling.
+    /// Makes a request from options by name; messages name options with this spelling.
     ///
     /// # Errors
-    /// [`AssetError::UnknownOption`], [`AssetError::Usage`] for a value that an option does not take and for options that
-    /// do not go together.
+    /// [`AssetError::UnknownOption`]; [`AssetError::Usage`] for a value that an option does not take, and for options
+    /// that exclude each other.
     pub fn new(verb: Verb, given: &Map<String, Value>, spelling: Spelling) -> Result<Self, AssetError> {
         Ok(Self { verb, options: FileOptions::of_json(verb, given)?, spelling, vertices: None })
     }
 
-    /// Makes a request of options that were [set](JobOption::set).
+    /// Makes a request from options that were [set](JobOption::set).
     ///
     /// # Errors
-    /// [`AssetError::Usage`] for options that do not go together.
+    /// [`AssetError::Usage`] for options that exclude each other.
     pub fn of(verb: Verb, options: FileOptions) -> Result<Self, AssetError> {
         let options = options.completed(verb)?;
         Ok(Self { verb, options, spelling: Spelling::CommandLine, vertices: None })
@@ -68,7 +68,7 @@ impl Request {
         &self.options
     }
 
-    /// Returns the number of threads asked for.
+    /// Returns the requested number of threads.
     pub fn threads(&self) -> Option<usize> {
         self.options.threads
     }
@@ -76,14 +76,14 @@ impl Request {
     /// Checks the options and assigns outputs to the inputs, before any work.
     ///
     /// # Errors
-    /// [`AssetError::Usage`], [`AssetError::Simplify`] for options and outputs that do not go together,
+    /// [`AssetError::Usage`], [`AssetError::Simplify`] for options and outputs that exclude each other,
     /// [`AssetError::Folder`].
     pub fn plan(&self, places: &Places<'_>) -> Result<PlannedJob<'_>, AssetError> {
         PlannedJob::new(self.verb, &self.options, self.vertices.as_ref(), places)
     }
 
-    /// Does the job in the present thread pool. `inputs` are one file, or the detailed and the lighter one for a bake;
-    /// `output` or, for levels, `out_dir` is where the result goes.
+    /// Does the job in the current thread pool. `inputs` are one file, or the high-poly and the low-poly file for
+    /// baking; the result goes to `output` or, for levels and frames, to `out_dir`.
     ///
     /// # Errors
     /// Those of the job, with the path of the file.
@@ -96,13 +96,13 @@ impl Request {
     ) -> Result<Answer, AssetError> {
         let has_partial_result = matches!(self.verb, Verb::Simplify | Verb::Lod | Verb::Bake);
         if self.options.time_limit.is_some() && !has_partial_result {
-            return Err(usage(format!("--time-limit: {} has no result before its end", self.verb.name())));
+            return Err(usage(format!("--time-limit: {} has no partial result", self.verb.name())));
         }
         let Some(source) = inputs.last() else { return Err(usage("an input is needed")) };
         let named = |why| match why {
-            // These are not about the file.
+            // These errors do not concern the file.
             AssetError::Usage(_) | AssetError::Cancelled => why,
-            // There are several, and each is named.
+            // Errors of pictures name their file already.
             #[cfg(feature = "pictures")]
             why if self.verb == Verb::Render => why,
             why => AssetError::of(why, source),

@@ -1,4 +1,4 @@
-//! A file made lighter.
+//! Simplification of files.
 
 use lodsmith::{MeshCounts, OwnedMeshData, Report, SimplifyOptions};
 use lodsmith_io::gltf::Scene;
@@ -18,14 +18,15 @@ use crate::report_json::{mesh_json, seconds};
 use crate::sizes::WriteOutcome;
 use crate::warnings::{not_reached, starved, texts, warnings_of};
 
-/// How a file is made lighter.
+/// Instructions for simplifying a file.
 #[derive(Clone, Debug, Default)]
 pub struct Recipe {
     /// Options of the engine.
     pub options: SimplifyOptions,
-    /// Names of parts of the file that the run treats in other ways.
+    /// Names of locked and important parts of the file.
     pub names: PartNames,
-    /// Locks and importance by vertex instead of by name: of all meshes that are simplified, one after the other.
+    /// Locks and importance by vertex instead of by name: for the vertices of all simplified meshes, one after the
+    /// other.
     pub vertices: Option<OwnedMeshData>,
     /// Normals of the result.
     pub normals: Normals,
@@ -33,7 +34,7 @@ pub struct Recipe {
     pub baking: Option<Baking>,
 }
 
-/// A file made lighter, not written yet.
+/// A simplified file that is not written yet.
 #[derive(Debug)]
 pub struct Made {
     /// The asset that the edit is for.
@@ -42,18 +43,19 @@ pub struct Made {
     pub edit: Edit,
     /// The report of the engine.
     pub report: Report,
-    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    /// Counts of the meshes that were simplified, with their names; empty for a single mesh.
     pub meshes: Vec<(String, MeshCounts)>,
     /// The reason why the target was not reached.
     pub not_reached: Option<String>,
     /// Warnings of the run.
     pub warnings: Vec<Warning>,
-    /// The result of the bake, without what is in the edit.
+    /// The result of baking, without the parts that are in `edit`.
     pub baked: Option<BakedScene>,
 }
 
 impl Recipe {
-    /// Checks that the recipe has an end, and that what it bakes fits how and where it is written.
+    /// Checks that the recipe has a target or an option that ends the method, and that its maps are compatible with the
+    /// output and the options of writing.
     ///
     /// # Errors
     /// [`AssetError::Usage`].
@@ -66,9 +68,10 @@ impl Recipe {
         self.baking.as_ref().map_or(Ok(()), |baking| baking.check(writing, output))
     }
 
-    /// Makes an asset lighter: simplifies its meshes, treats their normals, and bakes. `to` is where it will be written.
+    /// Simplifies the meshes of an asset, keeps or recomputes their normals, and bakes. `to` is where the result will
+    /// be written.
     ///
-    /// A single mesh for which maps are baked becomes a scene first, whose materials have the maps.
+    /// If maps are baked for a single mesh, it first becomes a scene, whose materials get the maps.
     ///
     /// # Errors
     /// [`AssetError::Name`], [`AssetError::Memory`], [`AssetError::Simplify`], [`AssetError::Bake`];
@@ -109,7 +112,7 @@ impl Recipe {
 }
 
 impl Edit {
-    /// Bakes maps of a scene for its new meshes, and lets these use them.
+    /// Bakes maps of a scene for its new meshes, and assigns materials with these maps to the meshes.
     ///
     /// # Errors
     /// [`AssetError::Bake`]; [`AssetError::Cancelled`] if the caller ends.
@@ -138,7 +141,7 @@ impl Edit {
     }
 }
 
-/// Outcome of a file that was made lighter.
+/// Outcome of simplifying a file.
 #[derive(Debug)]
 pub struct Outcome {
     /// Format of the input.
@@ -147,7 +150,7 @@ pub struct Outcome {
     pub sizes_before: Option<Sizes>,
     /// The report of the engine.
     pub report: Report,
-    /// Counts of the meshes that were simplified, with their names; none for a single mesh.
+    /// Counts of the meshes that were simplified, with their names; empty for a single mesh.
     pub meshes: Vec<(String, MeshCounts)>,
     /// The reason why the target was not reached.
     pub not_reached: Option<String>,
@@ -163,7 +166,7 @@ pub struct Outcome {
     pub clock: StageClock,
 }
 
-/// Reads a file, makes it lighter, and writes it.
+/// Reads a file, simplifies it, and writes it.
 ///
 /// # Errors
 /// Those of [`Asset::read`], [`Recipe::run`] and [`Asset::write`].
@@ -179,7 +182,7 @@ pub fn simplify(
     job.enter(Step::Read);
     let mut reading = reading.clone();
     reading.properties = constraints::properties(&recipe.names);
-    // Without an output nothing is baked.
+    // Without an output, nothing is baked.
     let recipe = &Recipe { baking: recipe.baking.clone().filter(|_| to.is_some()), ..recipe.clone() };
     let is_scene = recipe.baking.is_some() || to.is_some_and(Destination::keeps_scenes);
     let asset = Asset::read(source, &reading, is_scene, job)?;
@@ -210,7 +213,7 @@ pub fn simplify(
 }
 
 impl Outcome {
-    /// Returns the report, with the path of the input as it was given.
+    /// Returns the report, with this path of the input.
     pub fn to_json(&self, path: &str, recipe: &Recipe, to: Option<&Destination>, dry_run: bool) -> Value {
         let r = &self.report;
         let mut of_run = report_json::run(r, &recipe.options);
@@ -222,7 +225,7 @@ impl Outcome {
             "input": report_json::file(path.into(), Some(self.input_format), input, self.sizes_before),
             "output": report_json::output(to, [r.faces, r.vertices], &self.written),
         });
-        // The first ones stand in a promised order.
+        // The order of the first keys is promised.
         for key in ["method", "target", "reached", "stopped_by", "error", "refusals"] {
             report[key] = report_json::take(&mut of_run, key);
         }

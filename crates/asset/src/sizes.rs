@@ -1,4 +1,4 @@
-//! Sizes of files before and after, and what packing did.
+//! Sizes of files before and after, and results of compression.
 
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::PackReport;
@@ -11,16 +11,16 @@ use crate::paths::{Sink, Source};
 /// The outcome of writing one file.
 #[derive(Debug, Default)]
 pub struct WriteOutcome {
-    /// What the output cannot hold, and other notes.
+    /// Warnings about data that the format cannot store, and other notes.
     pub warnings: Vec<Warning>,
-    /// What packing did; `None` without it.
+    /// Results of compression; `None` without it.
     pub packed: Option<PackReport>,
     /// Sizes of the output; `None` if they are not known.
     pub sizes: Option<Sizes>,
 }
 
 impl WriteOutcome {
-    /// Returns the outcome for what was written to a sink; `of_mesh` are sizes of it by its mesh.
+    /// Returns the outcome of writing to a sink; `of_mesh` are the sizes of the written mesh.
     pub(crate) fn new(
         written: lodsmith_io::gltf::Written,
         sink: Option<&Sink>,
@@ -34,7 +34,7 @@ impl WriteOutcome {
     }
 }
 
-/// Returns the sizes of a file by its structure, else by its mesh.
+/// Returns the sizes from the structure of a file, or else from its mesh.
 fn merged(of_file: Option<Sizes>, of_mesh: Option<Sizes>) -> Option<Sizes> {
     match (of_file, of_mesh) {
         (Some(file), Some(mut mesh)) if file.draw_calls == 0 => {
@@ -45,7 +45,7 @@ fn merged(of_file: Option<Sizes>, of_mesh: Option<Sizes>) -> Option<Sizes> {
     }
 }
 
-/// Returns the sizes of an input; `read` are those of what was read from it.
+/// Returns the sizes of an input; `read` are the sizes of the model that was read from it.
 pub fn of_input(source: &Source, reading: &ReadOptions, read: Option<Sizes>) -> Option<Sizes> {
     let of_file = match source {
         Source::Path(path) => lodsmith_io::sizes_of_path(path, reading),
@@ -59,7 +59,7 @@ pub fn of_loaded(loaded: &Loaded) -> Option<Sizes> {
     Some(of_mesh(&loaded.mesh, &loaded.regions, true))
 }
 
-/// Returns the sizes of a mesh with its materials, or without any.
+/// Returns the sizes of a mesh, with or without its materials.
 pub fn of_mesh(mesh: &TriMesh, regions: &Regions, has_materials: bool) -> Sizes {
     let none = Regions::default();
     Sizes::of_mesh(mesh, if has_materials { regions } else { &none })
@@ -75,12 +75,12 @@ pub fn to_json(sizes: Option<Sizes>) -> Value {
     })
 }
 
-/// Returns how well an order suits the caches of a GPU as JSON.
+/// Returns the efficiency of GPU caches as JSON.
 pub fn cache_json(cache: &CacheUse) -> Value {
     json!({ "acmr": cache.acmr(), "atvr": cache.atvr(), "overfetch": cache.overfetch() })
 }
 
-/// Returns what packing did as JSON.
+/// Returns the results of compression as JSON.
 pub fn packed_json(packed: &PackReport) -> Value {
     let errors = packed.errors.map(|e| {
         json!({

@@ -1,4 +1,4 @@
-//! Values of options as texts, with their permitted ranges.
+//! Parsers of option values, with their permitted ranges.
 
 use std::ops::RangeInclusive;
 
@@ -8,10 +8,10 @@ use lodsmith_bake::BakeOptions;
 
 use crate::constraints::Importance;
 
-/// Lowest limit of memory in bytes: without any model a program and its threads take up to half of it.
+/// Smallest memory limit in bytes: the program and its threads need up to half of it without any model.
 pub const MIN_MEMORY: u64 = 32 << 20;
 
-/// Fraction of the triangles of the previous level that each of a number of levels keeps.
+/// Default fraction of the triangles of the previous level that each level keeps.
 pub const LEVEL_FACTOR: f64 = 0.5;
 
 /// Parses a length: a number in the units of the file, or a share of the diagonal in per cent.
@@ -31,7 +31,7 @@ pub fn some_length(text: &str) -> Result<Length, String> {
 
 /// Parses a fraction, as `0.1` or as `10%`: above 0, up to 1.
 pub fn ratio(text: &str) -> Result<f64, String> {
-    fraction(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and not above 1 (100%)")
+    fraction(text, |x| x > 0.0 && x <= 1.0, "it must be above 0 and at most 1 (100%)")
 }
 
 /// Parses a finite number above 0.
@@ -56,7 +56,8 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 
 /// Parses a number of bytes: `2G`, `1.5GiB`, `512M`, `536870912`. Units are powers of 1024.
 pub fn memory(text: &str) -> Result<u64, String> {
-    let wanted = || "a size is a number of bytes, or one with K, M, G or T, such as 512M or 2G".to_owned();
+    let expected =
+        || "a size is a number of bytes, or a number with K, M, G or T, such as 512M or 2G".to_owned();
     let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
     let power = match unit.trim_start().to_ascii_lowercase().as_str() {
@@ -65,9 +66,9 @@ pub fn memory(text: &str) -> Result<u64, String> {
         "m" | "mb" | "mi" | "mib" => 2,
         "g" | "gb" | "gi" | "gib" => 3,
         "t" | "tb" | "ti" | "tib" => 4,
-        _ => return Err(wanted()),
+        _ => return Err(expected()),
     };
-    let bytes = number.parse::<f64>().map_err(|_| wanted())? * 1024f64.powi(power);
+    let bytes = number.parse::<f64>().map_err(|_| expected())? * 1024f64.powi(power);
     let least = MIN_MEMORY;
     if bytes < least as f64 { Err(format!("it must be at least {}M", least >> 20)) } else { Ok(bytes as u64) }
 }
@@ -96,34 +97,34 @@ pub fn rays(text: &str) -> Result<usize, String> {
 pub fn importance(text: &str) -> Result<Importance, String> {
     let (name, strength) = match text.rsplit_once('=') {
         None => (text, Importance::DEFAULT_STRENGTH),
-        Some((name, typed)) => {
-            let wanted = "a strength from 0.001 to 1000";
+        Some((name, given)) => {
+            let expected = "the strength must be from 0.001 to 1000";
             (
                 name,
-                number(typed, |x| (1e-3..=1e3).contains(&x), wanted)
-                    .map_err(|_| format!("it wants {wanted}"))? as f32,
+                number(given, |x| (1e-3..=1e3).contains(&x), expected).map_err(|_| expected.to_owned())?
+                    as f32,
             )
         }
     };
     if name.is_empty() {
-        return Err("it wants the name of an attribute".to_owned());
+        return Err("the name of an attribute is missing".to_owned());
     }
     Ok(Importance { name: name.to_owned(), strength })
 }
 
-/// Parses a finite number in a range that is described by `wanted`.
-pub fn number(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+/// Parses a finite number in a range that `expected` describes.
+pub fn number(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Err(_) => Err("it is not a number".to_owned()),
         Ok(x) if x.is_finite() && is_good(x) => Ok(x),
-        Ok(_) => Err(wanted.to_owned()),
+        Ok(_) => Err(expected.to_owned()),
     }
 }
 
-fn fraction(text: &str, is_good: impl Fn(f64) -> bool, wanted: &str) -> Result<f64, String> {
+fn fraction(text: &str, is_good: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
     match text.strip_suffix('%') {
-        Some(percent) => number(percent.trim_end(), |x| is_good(x / 100.0), wanted).map(|x| x / 100.0),
-        None => number(text, is_good, wanted),
+        Some(percent) => number(percent.trim_end(), |x| is_good(x / 100.0), expected).map(|x| x / 100.0),
+        None => number(text, is_good, expected),
     }
 }
 
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_kept() {
+    fn ranges_are_enforced() {
         assert!(ratio("1").is_ok() && ratio("0").is_err() && ratio("1.1").is_err() && ratio("nan").is_err());
         assert!(count("1").is_ok() && count("0").is_err() && count("-1").is_err() && count("1.5").is_err());
         assert!(view_deg("180").is_err());

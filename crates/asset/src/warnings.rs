@@ -1,4 +1,4 @@
-//! Warnings of files and of runs, and why a target was not reached.
+//! Warnings of files and of runs, and reasons why a target was not reached.
 
 use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
 use lodsmith_core::TriMesh;
@@ -8,22 +8,22 @@ use lodsmith_io::Warning;
 
 use crate::proposals;
 
-/// How names of options are spelled in texts.
+/// Spelling of option names in messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Spelling {
-    /// `--per-mesh`, as all texts of this crate have it.
+    /// `--per-mesh`, as in all messages of this crate.
     #[default]
     CommandLine,
-    /// `per_mesh`, as a keyword of a function.
+    /// `per_mesh`, as in keyword arguments.
     Keyword,
-    /// `perMesh`, as a property of an object.
+    /// `perMesh`, as in properties of an object.
     Property,
-    /// `per mesh`, as on a control.
+    /// `per mesh`, as in labels of controls.
     Words,
 }
 
 impl Spelling {
-    /// Returns a text with its options spelled this way.
+    /// Returns a text with the names of options spelled this way.
     pub fn apply(self, text: &str) -> String {
         if self == Self::CommandLine {
             return text.to_owned();
@@ -35,11 +35,11 @@ impl Spelling {
             let is_name = |c: char| c.is_ascii_lowercase() || c == '-';
             let end = option.find(|c| !is_name(c)).unwrap_or(option.len());
             let (name, after) = option.split_at(end);
-            let is_begun = before.chars().next_back().is_none_or(|c| c == '(' || c.is_whitespace());
-            // A path goes on.
-            let is_ended = after.chars().next().is_none_or(|c| c.is_whitespace() || ",;:)".contains(c));
+            let starts_word = before.chars().next_back().is_none_or(|c| c == '(' || c.is_whitespace());
+            // After the name, a path would continue.
+            let ends_word = after.chars().next().is_none_or(|c| c.is_whitespace() || ",;:)".contains(c));
             spelled.push_str(before);
-            if name.starts_with(|c: char| c.is_ascii_lowercase()) && is_begun && is_ended {
+            if name.starts_with(|c: char| c.is_ascii_lowercase()) && starts_word && ends_word {
                 spelled.push_str(&self.name(name));
             } else {
                 spelled.extend(["--", name]);
@@ -81,19 +81,19 @@ pub fn texts(warnings: &[Warning]) -> Vec<&str> {
 pub fn warnings_of(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
     if report.seams_relaxed {
-        warnings.push(Warning::note("seams were moved off their lines to come nearer to the target"));
+        warnings.push(Warning::note("seams were moved off their lines to get closer to the target"));
     }
     if report.sharp_relaxed {
-        warnings.push(Warning::note("sharp edges were not all kept, to come nearer to the target"));
+        warnings.push(Warning::note("some sharp edges were not preserved, to get closer to the target"));
     }
     if report.gaps > 0 {
         let places = counted(report.gaps, "place", "places");
-        warnings.push(Warning::lost(format!("meshes that touched came apart at {places}: gaps may show")));
+        warnings.push(Warning::lost(format!("touching meshes separated at {places}: gaps may be visible")));
     }
     if report.unpaired_sheets > 0 {
         let sheets = counted(report.unpaired_sheets, "sheet", "sheets");
         warnings.push(Warning::lost(format!(
-            "{sheets} with two sides not reduced as one, because the sides have different triangles: area may be missing"
+            "{sheets} with two sides not simplified as one, because the sides have different triangles: area may be missing"
         )));
     }
     warnings.extend(report.escalated.iter().map(|step| Warning::note(proposals::step_text(step))));
@@ -103,25 +103,24 @@ pub fn warnings_of(report: &Report) -> Vec<Warning> {
     warnings
 }
 
-/// Returns a warning about meshes that lost their shape because all share one target; `None` without any.
+/// Returns a warning about meshes that lost their shape because all meshes share one target; `None` if there are none.
 pub fn starved(counts: &[MeshCounts]) -> Option<Warning> {
     let starved = Starved::of(counts)?;
-    Some(Warning::note(format!("{starved}; --per-mesh gives each its own")))
+    Some(Warning::note(format!("{starved}; --per-mesh gives each mesh its own target")))
 }
 
-/// Returns the warning that a target for each mesh is one for all.
+/// Returns the warning that `--per-mesh` has no effect because the meshes are merged.
 pub(crate) fn joined_per_mesh() -> Warning {
     Warning::note("--per-mesh has no effect: this output format merges all meshes into one")
 }
 
 /// Returns warnings about attributes that the engine drops.
 fn dropped(report: &Report) -> impl Iterator<Item = Warning> {
-    let lost =
-        |name: &&str| Warning::lost(format!("{name} dropped: a skin has joints and weights, or nothing"));
+    let lost = |name: &&str| Warning::lost(format!("{name} dropped: a skin needs both joints and weights"));
     report.dropped.iter().map(lost)
 }
 
-/// Returns the reason why a run did not reach its target, and the proposals; `None` if it did.
+/// Returns the reason why a run did not reach its target, and the proposals; `None` if it reached the target.
 pub fn not_reached<'a>(
     report: &Report,
     options: &SimplifyOptions,
@@ -144,7 +143,7 @@ pub fn not_reached<'a>(
     Some(text)
 }
 
-/// Returns the refusals and their counts, in words.
+/// Returns the refusals and their counts as text.
 pub fn refusals(report: &Report) -> String {
     let of = |(r, n): &(lodsmith::Refusal, u64)| {
         format!("{} {}", r.name().replace('_', " "), grouped(usize::try_from(*n).unwrap_or(usize::MAX)))
@@ -157,17 +156,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_are_spelled_as_the_caller_has_them() {
+    fn options_are_spelled_for_the_caller() {
         let text = "a higher --max-normal (now 30) would go further; --per-mesh gives each its own: x--y -- -- --low.ply";
         let of = |spelling: Spelling| spelling.apply(text);
         assert_eq!(of(Spelling::CommandLine), text);
-        let wanted = |max: &str, mesh: &str| {
+        let expected = |max: &str, mesh: &str| {
             format!(
                 "a higher {max} (now 30) would go further; {mesh} gives each its own: x--y -- -- --low.ply"
             )
         };
-        assert_eq!(of(Spelling::Keyword), wanted("max_normal", "per_mesh"));
-        assert_eq!(of(Spelling::Property), wanted("maxNormal", "perMesh"));
-        assert_eq!(of(Spelling::Words), wanted("max normal", "per mesh"));
+        assert_eq!(of(Spelling::Keyword), expected("max_normal", "per_mesh"));
+        assert_eq!(of(Spelling::Property), expected("maxNormal", "perMesh"));
+        assert_eq!(of(Spelling::Words), expected("max normal", "per mesh"));
     }
 }

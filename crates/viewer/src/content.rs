@@ -250,7 +250,7 @@ impl Lighter {
         let (data, _) = asset.data(&PartNames::default())?;
         let chain = asset.levels(&options, &data, &mut job(watch))?;
         let seconds = begin.elapsed().as_secs_f64() / ratios.len().max(1) as f64;
-        let level = |(made, ratio): (lodsmith_asset::Lighter, &f64)| {
+        let level = |(made, ratio): (lodsmith_asset::SimplifiedMeshes, &f64)| {
             let mut how = how.clone();
             how.options.stop = Stop::ratio(*ratio);
             let mut meshes = made.meshes;

@@ -1,4 +1,4 @@
-//! Baking of the levels of a scene.
+//! Baking for the levels of a scene.
 
 use lodsmith_bake::with_tangents;
 use lodsmith_core::TriMesh;
@@ -14,15 +14,15 @@ use crate::job::Job;
 pub(super) struct BakedLevels {
     /// For each level from 1 on and each mesh, the materials of its primitives.
     pub(super) materials: Vec<Vec<Vec<usize>>>,
-    /// For each bake, the maps that are files.
+    /// For each bake, the maps that are written to files.
     pub(super) files: Vec<Vec<SideFile>>,
-    /// True if one bake is for all levels.
+    /// True if all levels share one bake.
     pub(super) is_shared: bool,
     pub(super) warnings: Vec<Warning>,
 }
 
-/// Bakes the levels from 1 on; `replaced` has the meshes of all levels. Where the texture coordinates of the input are
-/// kept, the maps of the finest level are for all; else each level has an atlas and a material of its own.
+/// Bakes the levels from level 1 on; `replaced` has the meshes of all levels. If the texture coordinates of the input
+/// are kept, all levels share the maps of level 1; otherwise each level has its own atlas and materials.
 pub(super) fn bake_levels(
     scene: &mut Scene,
     replaced: &mut [Vec<Option<TriMesh>>],
@@ -37,9 +37,9 @@ pub(super) fn bake_levels(
     for k in 1..levels {
         let low = lodsmith_bake::model_with(&high, &replaced[k]);
         let mut baked = baking.bake(&high, &low, scene, job)?;
-        let mut own = std::mem::take(&mut baked.warnings);
-        own.retain(|w| !all.warnings.contains(w));
-        all.warnings.append(&mut own);
+        let mut of_level = std::mem::take(&mut baked.warnings);
+        of_level.retain(|w| !all.warnings.contains(w));
+        all.warnings.append(&mut of_level);
         for (mesh, made) in replaced[k].iter_mut().zip(baked.replaced) {
             if mesh.is_some() {
                 *mesh = made.or_else(|| mesh.take());
@@ -50,7 +50,7 @@ pub(super) fn bake_levels(
             all.materials.push(baked.materials);
             continue;
         }
-        // The coordinates are those of all levels.
+        // All levels have these texture coordinates.
         for level in &mut replaced[k + 1..] {
             for mesh in level.iter_mut().flatten() {
                 *mesh = with_tangents(mesh);
@@ -75,11 +75,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_level_has_materials_if_a_later_one_is_the_first_to_keep_its_coordinates() {
+    fn each_level_has_materials_if_level_1_cannot_keep_its_coordinates() {
         let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
         let mut scene = Scene::read(&std::fs::read(wave).unwrap(), &ReadOptions::default()).unwrap();
         let good = TriMesh::clone(&scene.meshes()[0].mesh);
-        // A fold of the map: both halves of the surface lie in one half of the map.
+        // The texture coordinates are folded: both halves of the surface lie in one half of the map.
         let mut folded = good.clone();
         let fold = |[u, v]: [f32; 2]| [(2.0 * u - 1.0).abs(), v];
         folded.set_uvs(Some(good.uvs().unwrap().iter().copied().map(fold).collect())).unwrap();
@@ -92,7 +92,7 @@ mod tests {
         let baked = bake_levels(&mut scene, &mut replaced, &baking, &mut job).unwrap();
         let [first, second, third] = &baked.materials[..] else { panic!("{:?}", baked.materials) };
         assert!(first != second && second == third, "{:?}", baked.materials);
-        // Each of the two bakes has files of its own.
+        // Each of the two bakes has its own files.
         assert!(baked.files.len() == 2 && !baked.is_shared);
     }
 }

@@ -1,4 +1,4 @@
-//! Outputs of levels: one file, or one for each level and a list of them.
+//! Outputs of levels: one file, or one file for each level and a list of the levels.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ const LIST_FILE: &str = "lods.json";
 /// Naming style of levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Naming {
-    /// `NAME_lod1`; in a single file the original keeps its name.
+    /// `NAME_lod1`; in a single file, the original keeps its name.
     #[default]
     Plain,
     /// `NAME_LOD1`, which Unity recognises.
@@ -43,7 +43,7 @@ impl Naming {
         }
     }
 
-    /// Returns the text between the name of the whole and the number of a level.
+    /// Returns the text between the name and the number of a level.
     pub(super) const fn mark(self) -> &'static str {
         match self {
             Self::Plain => "_lod",
@@ -57,20 +57,20 @@ impl Naming {
 pub struct LevelOutputs {
     /// The input.
     pub source: Source,
-    /// The output of the original, or of all; `None` without one.
+    /// The output of the original, or of all levels; `None` without an output.
     pub first: Option<Destination>,
-    /// Set if each level has a file of its own.
+    /// Set if each level has its own file.
     pub(super) folder: Option<LevelFolder>,
 }
 
 impl LevelOutputs {
-    /// Plans the outputs. `template` names the files in a folder, instead of the style.
+    /// Plans the outputs. `template` names the files in a folder; without it, the style does.
     ///
     /// # Errors
     /// [`AssetError::Usage`].
     pub fn new(outputs: &Outputs<'_>, template: Option<&str>, naming: Naming) -> Result<Self, AssetError> {
         if template.is_some() && outputs.out_dir.is_none() {
-            return Err(usage("--name: it goes with a folder for the levels"));
+            return Err(usage("--name needs a folder for the levels"));
         }
         let template =
             template.map_or_else(|| format!("{{stem}}{}{{level}}.{{ext}}", naming.mark()), str::to_owned);
@@ -79,7 +79,7 @@ impl LevelOutputs {
                 "--name {template}: {{level}} is missing, so all levels would be one file"
             )));
         }
-        // The rest of the template is checked like that of any output folder; a level is a number.
+        // The rest of the template is checked as for any output folder, with a number as level.
         let name = template.replace("{level}", "0");
         let assigned = plan::assign(&Outputs { name: &name, ..*outputs })?.remove(0);
         let folder = match (outputs.out_dir, &assigned.output) {
@@ -87,7 +87,7 @@ impl LevelOutputs {
                 if !matches!(format, Format::Gltf | Format::Glb) =>
             {
                 return Err(usage(format!(
-                    "{sink}: one file holds all levels as GLB or glTF only; give a folder with -O for {}",
+                    "{sink}: only GLB and glTF have all levels in one file; use a folder (-O) for {}",
                     format.title()
                 )));
             }
@@ -97,7 +97,7 @@ impl LevelOutputs {
         Ok(Self { source: assigned.source, first: assigned.output, folder })
     }
 
-    /// Returns the outputs of the original and of this many levels below; none if nothing is asked for.
+    /// Returns the outputs of the original and of this many levels below; empty without an output.
     pub(super) fn sinks(&self, levels: usize) -> Vec<Sink> {
         let sink = |level, first: &Sink| match &self.folder {
             Some(folder) => Sink::Path(folder.path.join(folder.file(level))),
@@ -123,12 +123,12 @@ impl LevelOutputs {
 #[derive(Clone, Debug)]
 pub(super) struct LevelFolder {
     pub(super) path: PathBuf,
-    /// Its names, with a placeholder for the level.
+    /// Template of the file names, with a placeholder for the level.
     template: String,
 }
 
 impl LevelFolder {
-    /// Creates the folder, if the output of the first level shows that the template can name all of them.
+    /// Makes the template for all levels from the output of level 0. An error if the template cannot name them all.
     fn new(folder: &Path, template: &str, first: &Destination) -> Result<Self, AssetError> {
         let path = match &first.sink {
             Sink::Path(path) => path.as_path(),
@@ -143,7 +143,7 @@ impl LevelFolder {
             Some(head) if is_stem_before || !after.contains("{stem}") => {
                 format!("{}{{level}}{tail}", head.strip_suffix('0').unwrap_or(head))
             }
-            _ => return Err(usage(format!("--name {template}: {{stem}} comes before {{level}}"))),
+            _ => return Err(usage(format!("--name {template}: {{stem}} must be before {{level}}"))),
         };
         if !first.dry_run {
             fs::create_dir_all(folder)

@@ -11,7 +11,7 @@ use crate::sizes::{self, WriteOutcome};
 use crate::warnings::{texts, warnings_of};
 
 impl LodOutcome {
-    /// Returns the report, with the path of the input and the target as they were given.
+    /// Returns the report, with this path of the input and this target.
     pub fn to_json(&self, path: &str, target: &Value, recipe: &LodRecipe, outputs: &LevelOutputs) -> Value {
         let (screen, folder, to) = (&recipe.screen, outputs.folder.as_ref(), outputs.first.as_ref());
         let level = |(k, level): (usize, &Level)| {
@@ -64,7 +64,7 @@ impl LodOutcome {
         report
     }
 
-    /// Returns the list of levels that is written beside them, with lengths at the scale of the output.
+    /// Returns the list of levels for the folder of the outputs, with lengths at the scale of the output.
     pub(super) fn list(&self, source: &Source, recipe: &LodRecipe, scale: f64) -> Value {
         let screen = &recipe.screen;
         let file = |level: usize| match self.outputs.get(level) {
@@ -93,7 +93,7 @@ impl LodOutcome {
     }
 }
 
-/// Adds the sizes of a file and what packing did.
+/// Adds the sizes of a file and the results of compression.
 fn set_written(object: &mut Value, file: &WriteOutcome) {
     object["sizes"] = sizes::to_json(file.sizes);
     if let Some(packed) = &file.packed {

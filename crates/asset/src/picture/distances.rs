@@ -1,4 +1,4 @@
-//! Distances of what a picture shows from what it is compared with.
+//! Distances between the items of a picture and their references.
 
 use lodsmith_core::measure::{MeasureError, Prepared, vertex_distances};
 use lodsmith_core::model::{Instance, Pose};
@@ -9,14 +9,14 @@ use super::item::Item;
 use crate::error::AssetError;
 
 /// Computes the distances of vertices from their reference, for heat maps and captions. If a reference has a single
-/// candidate, its own distances from that are computed too; otherwise it is shown as it is.
+/// candidate, the distances of the reference from it are computed too; otherwise the reference has no heat map.
 pub(super) fn measure(items: &mut [Item]) -> Result<(), AssetError> {
     for of in 0..items.len() {
         let candidates: Vec<usize> = (0..items.len()).filter(|i| items[*i].reference == Some(of)).collect();
         if candidates.is_empty() {
             continue;
         }
-        let reference = whole(&items[of].model)?;
+        let reference = merged(&items[of].model)?;
         let diagonal = reference.positions().view().bounds().map_or(0.0, |b| b.diagonal());
         let reference = prepared(&reference).map_err(|why| why.of(&items[of].path))?;
         for &i in &candidates {
@@ -24,9 +24,9 @@ pub(super) fn measure(items: &mut [Item]) -> Result<(), AssetError> {
             items[i].distances = Some(distances_to(&reference, &items[i].model)?);
         }
         if let [only] = candidates[..] {
-            items[of].distances = match prepared(&whole(&items[only].model)?) {
+            items[of].distances = match prepared(&merged(&items[only].model)?) {
                 Ok(candidate) => Some(distances_to(&candidate, &items[of].model)?),
-                // Nothing is left to measure from.
+                // The candidate has no faces to measure from.
                 Err(AssetError::Measure(MeasureError::Empty { .. })) => None,
                 Err(why) => return Err(why.of(&items[only].path)),
             };
@@ -35,7 +35,7 @@ pub(super) fn measure(items: &mut [Item]) -> Result<(), AssetError> {
     Ok(())
 }
 
-/// Returns the largest of distances.
+/// Returns the largest distance.
 pub(super) fn largest(distances: &[Vec<f32>]) -> f64 {
     distances.iter().flatten().filter(|d| d.is_finite()).fold(0f64, |m, &d| m.max(f64::from(d)))
 }
@@ -44,19 +44,19 @@ fn prepared(mesh: &TriMesh) -> Result<Prepared, AssetError> {
     Ok(Prepared::new(&mesh.surface())?)
 }
 
-/// Returns a mesh at its placement, positions and faces alone.
+/// Returns the positions and faces of an instance, in world coordinates.
 fn placed(model: &Model, instance: &Instance) -> Result<TriMesh, AssetError> {
     let mesh = &model.meshes[instance.mesh].mesh;
     let faces = mesh.surface().triangles().to_vec();
     if instance.world_from_mesh == DMat4::IDENTITY {
         return Ok(TriMesh::new(mesh.positions().clone(), faces)?);
     }
-    let place = |p| instance.world_from_mesh.transform_point3(DVec3::from(p)).to_array();
-    Ok(TriMesh::new(Positions::F64(mesh.positions().view().iter().map(place).collect()), faces)?)
+    let to_world = |p| instance.world_from_mesh.transform_point3(DVec3::from(p)).to_array();
+    Ok(TriMesh::new(Positions::F64(mesh.positions().view().iter().map(to_world).collect()), faces)?)
 }
 
 /// Returns all instances as one mesh.
-fn whole(model: &Model) -> Result<TriMesh, AssetError> {
+fn merged(model: &Model) -> Result<TriMesh, AssetError> {
     let instances = model.instances(&Pose::default());
     if let [one] = &instances[..] {
         return placed(model, one);
@@ -71,14 +71,14 @@ fn whole(model: &Model) -> Result<TriMesh, AssetError> {
     Ok(TriMesh::new(Positions::F64(positions), faces)?)
 }
 
-/// Returns the distance of each vertex of each mesh from the reference; for a mesh with several instances the
-/// largest one.
+/// Returns the distance of each vertex of each mesh from the reference; for a mesh with several instances, the
+/// largest of them.
 fn distances_to(reference: &Prepared, model: &Model) -> Result<Vec<Vec<f32>>, AssetError> {
     let mut all: Vec<Vec<f32>> = model.meshes.iter().map(|m| vec![0.0; m.mesh.vertex_count()]).collect();
     for instance in model.instances(&Pose::default()) {
-        let own = vertex_distances(&placed(model, &instance)?.surface(), reference);
-        let known = &mut all[instance.mesh];
-        known.iter_mut().zip(own).for_each(|(known, d)| *known = known.max(d as f32));
+        let distances = vertex_distances(&placed(model, &instance)?.surface(), reference);
+        let largest = &mut all[instance.mesh];
+        largest.iter_mut().zip(distances).for_each(|(largest, d)| *largest = largest.max(d as f32));
     }
     Ok(all)
 }

@@ -1,4 +1,4 @@
-//! Items with their cameras, ready to be drawn from any side.
+//! Rendering of items with their cameras, from any side.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use super::recipe::PictureRecipe;
 use crate::error::AssetError;
 use crate::report_json::micros;
 
-/// Number of moments of an animation that the camera is fitted to.
-const CAMERA_MOMENTS: usize = 17;
+/// Number of poses of an animation that the camera is fitted to.
+const CAMERA_POSES: usize = 17;
 
 /// The images of a recipe.
 pub(super) struct Images {
@@ -26,14 +26,14 @@ pub(super) struct Images {
     pub environment: Option<Arc<Environment>>,
 }
 
-/// Items that are drawn together.
+/// Items that are rendered together.
 pub(super) struct Drawing<'a> {
     recipe: &'a PictureRecipe,
     images: Images,
     shown: Vec<Shown<'a>>,
     /// The size of each picture.
     size: [usize; 2],
-    /// Values at the ends of the colours of a heat map.
+    /// Values at the ends of the colour scale of a heat map.
     pub heat_range: Option<[f32; 2]>,
 }
 
@@ -45,24 +45,24 @@ struct Shown<'a> {
     camera: Camera,
 }
 
-/// A file, or a simplification of it, in a picture.
+/// A file or a simplified level in a picture.
 #[derive(Clone, Debug)]
 pub struct PictureRow {
     /// The file.
     pub path: String,
     /// Number of faces.
     pub faces: usize,
-    /// The box in which they are drawn.
+    /// Bounding box of the faces as rendered.
     pub bounds: Option<Bounds>,
-    /// The number of faces that was asked for, of a simplification.
+    /// The requested number of faces of a simplified level.
     pub level: Option<usize>,
-    /// Largest distance from what it is compared with.
+    /// Largest distance from the reference.
     pub largest_distance: Option<f64>,
-    /// Colouring of the surface.
+    /// Shading of the surface.
     pub shading: Shading,
     /// The animation and its time in seconds.
     pub moment: Option<(String, f64)>,
-    /// Seconds that drawing took.
+    /// Rendering time in seconds.
     pub seconds: f64,
 }
 
@@ -83,7 +83,7 @@ impl PictureRow {
 }
 
 impl<'a> Drawing<'a> {
-    /// Prepares items. Those that are compared have the same camera, and edges that are sharp in the same cases.
+    /// Prepares items. A candidate has the camera and the creases of its reference.
     pub(super) fn new(
         recipe: &'a PictureRecipe,
         items: &'a [Item],
@@ -110,7 +110,7 @@ impl<'a> Drawing<'a> {
         Ok(Self { recipe, images, shown, size, heat_range })
     }
 
-    /// Returns what is known of each item before it is drawn.
+    /// Returns the rows of the report, before rendering.
     pub(super) fn rows(&self) -> Vec<PictureRow> {
         let row = |shown: &Shown<'_>| PictureRow {
             path: shown.item.path.clone(),
@@ -125,16 +125,16 @@ impl<'a> Drawing<'a> {
         self.shown.iter().map(row).collect()
     }
 
-    /// Draws all items, after the cameras went around them by an angle. The time of each is added to its row.
+    /// Renders all items with cameras rotated around them by an angle. Adds the time of each item to its row.
     pub(super) fn draw(&self, turn_rad: f64, rows: &mut [PictureRow]) -> Result<Image, AssetError> {
         let mut panels = Vec::new();
         for (i, (shown, row)) in self.shown.iter().zip(rows).enumerate() {
             let axis = self.shown[shown.item.reference.unwrap_or(i)].subject.centre();
             let turned = || shown.camera.turned_around(axis, turn_rad);
             let camera = if turn_rad == 0.0 { shown.camera } else { turned() };
-            let begin = Instant::now();
+            let start = Instant::now();
             let picture = render(&shown.subject, &self.view(camera, shown.shading));
-            row.seconds += begin.elapsed().as_secs_f64();
+            row.seconds += start.elapsed().as_secs_f64();
             let picture = picture.map_err(|why| AssetError::from(why).of(&row.path))?;
             let caption = if self.recipe.captions { caption(shown.item, row) } else { Vec::new() };
             panels.push(Panel { picture, caption });
@@ -147,7 +147,7 @@ impl<'a> Drawing<'a> {
         Ok(sheet(&panels, columns, self.recipe.background, legend.as_ref()))
     }
 
-    /// True if pictures stand on a background of their own, with captions or a legend.
+    /// True if the result is a contact sheet, with captions or a legend on a common background.
     fn is_sheet(&self) -> bool {
         self.shown.len() > 1 || self.heat_range.is_some()
     }
@@ -163,7 +163,7 @@ impl<'a> Drawing<'a> {
     }
 }
 
-/// Returns the colouring asked for, or what the file intends.
+/// Returns the requested shading, or that which the file intends.
 fn shading(recipe: &PictureRecipe, item: &Item) -> Shading {
     // A heat map needs distances: a reference with several candidates has none.
     let has_values = |shading: &Shading| *shading != Shading::Heat || item.distances.is_some();
@@ -181,13 +181,13 @@ fn subject(item: &Item, shading: Shading) -> Result<Subject, AssetError> {
     })
 }
 
-/// Returns the camera asked for, at a distance that shows everything; it is the same for all moments of a clip.
+/// Returns the requested camera, at a distance that shows everything; it is the same for all times of a clip.
 fn camera(recipe: &PictureRecipe, subject: &Subject, item: &Item, aspect: f64) -> Camera {
     let moving = item.moment.as_ref().filter(|_| recipe.turntable.is_none());
-    let clip = moving.map(|m| item.model.bounds_over(m.clip, CAMERA_MOMENTS));
+    let clip = moving.map(|m| item.model.bounds_over(m.clip, CAMERA_POSES));
     let bounds = clip.unwrap_or_else(|| subject.bounds()).unwrap_or(NO_BOUNDS);
     let camera = recipe.viewpoint.camera(&bounds, aspect);
-    // Leave space for the shadow, which lies beside the model.
+    // Leaves space for the shadow beside the model.
     let has_floor = recipe.ground.shadow || recipe.ground.grid;
     let margin = if has_floor { 2.0 * MARGIN } else { MARGIN };
     if recipe.turntable.is_some() {
@@ -199,7 +199,7 @@ fn camera(recipe: &PictureRecipe, subject: &Subject, item: &Item, aspect: f64) -
     }
 }
 
-/// Returns the values at the ends of the colours: those asked for, or 0 and the largest of all.
+/// Returns the values at the ends of the colour scale: the requested ones, or 0 and the largest distance of all.
 fn heat_range(recipe: &PictureRecipe, items: &[Item]) -> [f32; 2] {
     let all = items.iter().filter_map(|item| item.distances.as_ref().map(|d| largest(d)));
     recipe.look.heat_range.unwrap_or_else(|| [0.0, all.fold(0f64, f64::max) as f32])
@@ -215,7 +215,7 @@ fn caption(item: &Item, row: &PictureRow) -> Vec<String> {
     let name = row.path.rsplit(['/', '\\']).next().unwrap_or_default();
     let below = match (row.level, row.largest_distance, &row.moment) {
         (Some(_), Some(largest), _) if item.diagonal > 0.0 => {
-            // Below the resolution of single precision it counts as 0.
+            // Smaller distances are rounding errors of single precision.
             let part = Some(largest / item.diagonal).filter(|part| *part >= 1e-7).unwrap_or(0.0);
             format!("max {} %", significant(100.0 * part, 2))
         }
@@ -225,7 +225,7 @@ fn caption(item: &Item, row: &PictureRow) -> Vec<String> {
     vec![counted(row.faces, "face", "faces"), below]
 }
 
-/// Returns the number of pictures in a row: at most four, and no nearly empty last row.
+/// Returns the number of pictures in a row: at most four, and three if that leaves fewer gaps in the last row.
 fn columns(count: usize) -> usize {
     let free = |columns: usize| count.div_ceil(columns) * columns - count;
     if count <= 4 {
@@ -242,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_full_where_they_can_be() {
+    fn the_last_row_is_as_full_as_possible() {
         assert_eq!([1, 2, 3, 4, 6, 7, 8].map(columns), [1, 2, 3, 4, 3, 4, 4]);
     }
 }

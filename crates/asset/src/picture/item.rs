@@ -1,4 +1,4 @@
-//! What a picture shows: a file, or a simplification of it.
+//! The items of a picture: files and simplified levels.
 
 use std::sync::Arc;
 
@@ -18,30 +18,30 @@ use crate::job::{Job, Step};
 use crate::memory_need::{self, Size};
 use crate::paths::Source;
 
-/// A file, or a simplification of it.
+/// A file or a simplified level.
 pub(super) struct Item {
     pub path: String,
     pub model: Model,
     pub warnings: Vec<Warning>,
-    /// The target count of a simplification.
+    /// The target count of a level.
     pub level: Option<usize>,
-    /// Number of the item that it is compared with.
+    /// Index of the original of a level, or of the reference of a comparison.
     pub reference: Option<usize>,
-    /// Distance of each vertex of each mesh from the other item.
+    /// Distance of each vertex of each mesh from the reference, or of the reference from its only candidate.
     pub distances: Option<Vec<Vec<f32>>>,
-    /// Diagonal of the reference's box, if distances are needed.
+    /// Diagonal of the bounding box of the reference, if distances are needed.
     pub diagonal: f64,
     pub moment: Option<Moment>,
 }
 
-/// A moment of an animation.
+/// A time in an animation.
 pub(super) struct Moment {
     pub clip: usize,
     pub name: String,
     pub seconds: f64,
 }
 
-/// Reads all files, the reference first, and makes the simplifications.
+/// Reads all files, the reference first, and simplifies them to the levels.
 pub(super) fn read_all(
     inputs: &[Source],
     reading: &ReadOptions,
@@ -55,12 +55,12 @@ pub(super) fn read_all(
     let reference = recipe.compare.as_ref().map(|_| 0);
     for input in inputs {
         let (item, asset) = Item::read(input, reading, recipe, job)?;
-        let whole = items.len();
+        let original = items.len();
         items.push(Item { reference, ..item });
         for &count in &recipe.levels {
             job.enter(Step::Prepare);
-            let level = items[whole].level(count, asset.as_ref(), recipe, job)?;
-            items.push(Item { reference: Some(whole), ..level });
+            let level = items[original].level(count, asset.as_ref(), recipe, job)?;
+            items.push(Item { reference: Some(original), ..level });
         }
     }
     Ok(items)
@@ -89,7 +89,7 @@ impl Item {
         Ok((Self { warnings, moment, ..Self::new(source.to_string(), model) }, asset))
     }
 
-    /// Returns a simplification; materials and placements are those of the whole. `asset` is the file.
+    /// Returns a simplified level with the materials and nodes of the original. `asset` is the file.
     fn level(
         &self,
         count: usize,
@@ -100,11 +100,11 @@ impl Item {
         let mut options = SimplifyOptions::new(Stop::faces(count));
         options.method = recipe.method.into();
         job.check_memory("render --levels", memory_need::lod(Size::of_all(self.meshes()), &options))?;
-        let model = self.lighter(&options, asset, job).map_err(|why| why.of(&self.path))?;
+        let model = self.simplified(&options, asset, job).map_err(|why| why.of(&self.path))?;
         Ok(Self { level: Some(count), ..Self::new(self.path.clone(), model) })
     }
 
-    fn lighter(
+    fn simplified(
         &self,
         options: &SimplifyOptions,
         asset: Option<&Asset>,
@@ -113,9 +113,9 @@ impl Item {
         let mut meshes: Vec<Arc<TriMesh>> = self.model.meshes.iter().map(|m| m.mesh.clone()).collect();
         if let Some(asset) = asset {
             let (data, _) = asset.data(&PartNames::default())?;
-            for (mesh, lighter) in meshes.iter_mut().zip(asset.simplify(options, &data, job)?.meshes) {
-                if let Some(lighter) = lighter {
-                    *mesh = Arc::new(lighter);
+            for (mesh, result) in meshes.iter_mut().zip(asset.simplify(options, &data, job)?.meshes) {
+                if let Some(result) = result {
+                    *mesh = Arc::new(result);
                 }
             }
         }
@@ -129,37 +129,37 @@ impl Item {
 }
 
 impl Moment {
-    /// Returns the moment asked for; `None` at rest.
+    /// Returns the requested time; `None` for the rest pose.
     fn of(recipe: &PictureRecipe, model: &Model) -> Result<Option<Self>, AssetError> {
         if recipe.clip.is_none() && recipe.time.is_none() {
             return Ok(None);
         }
         let names: Vec<String> = model.animations.iter().map(|a| a.name.clone()).collect();
         if names.is_empty() {
-            return Err(usage("has no animation: --time and --clip are for glTF files that have one"));
+            return Err(usage("has no animation: --time and --clip need a glTF file with one"));
         }
         let clip = match &recipe.clip {
             None => Some(0),
-            Some(word) => {
-                let by_number = || word.parse::<usize>().ok()?.checked_sub(1).filter(|n| *n < names.len());
-                names.iter().position(|n| n == word).or_else(by_number)
+            Some(given) => {
+                let by_number = || given.parse::<usize>().ok()?.checked_sub(1).filter(|n| *n < names.len());
+                names.iter().position(|n| n == given).or_else(by_number)
             }
         };
         let Some(clip) = clip else {
             let all: Vec<_> = names.iter().enumerate().map(|(i, n)| format!("{} {n:?}", i + 1)).collect();
-            let wanted = recipe.clip.as_deref().unwrap_or_default();
-            return Err(usage(format!("has no animation {wanted:?}, but {}", all.join(", "))));
+            let given = recipe.clip.as_deref().unwrap_or_default();
+            return Err(usage(format!("has no animation {given:?}; the animations are {}", all.join(", "))));
         };
         let (seconds, length) = (recipe.time.unwrap_or(0.0), model.animations[clip].duration());
         if seconds > length {
             let end = significant(length, 2);
-            return Err(usage(format!("animation {:?} is over after {end} s", names[clip])));
+            return Err(usage(format!("animation {:?} ends at {end} s", names[clip])));
         }
         Ok(Some(Self { clip, name: names[clip].clone(), seconds }))
     }
 }
 
-/// Rotates a model whose z axis points up.
+/// Rotates a model so that its z axis points up.
 fn rotate_z_up(model: &mut Model) {
     let (rotation, children) = (DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2), model.roots.clone());
     let transform = Transform::Parts { translation: DVec3::ZERO, rotation, scale: DVec3::ONE };

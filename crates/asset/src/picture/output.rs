@@ -14,7 +14,7 @@ use crate::job::{Job, Step};
 use crate::paths::{self, Sink, Source};
 use crate::plan::Outputs;
 
-/// Where pictures go.
+/// Destination of rendered pictures.
 #[derive(Clone, Debug)]
 pub struct PictureOutput {
     files: PictureFiles,
@@ -27,11 +27,11 @@ enum PictureFiles {
     One { sink: Sink, format: PictureFormat },
     /// An animated PNG.
     Animation { sink: Sink, frames: usize, fps: u16 },
-    /// A picture for each frame.
+    /// One picture for each frame.
     Frames { folder: PathBuf, files: Vec<PathBuf>, format: PictureFormat },
 }
 
-/// Draws the picture after the cameras went around by an angle in radians.
+/// Renders the picture with cameras rotated by an angle in radians.
 pub(super) type Draw<'d> = &'d mut dyn FnMut(f64) -> Result<Image, AssetError>;
 
 impl PictureOutput {
@@ -45,14 +45,13 @@ impl PictureOutput {
         recipe: &PictureRecipe,
     ) -> Result<Option<Self>, AssetError> {
         if template.is_some() && outputs.out_dir.is_none() {
-            return Err(usage("--name: it goes with a folder for the pictures"));
+            return Err(usage("--name needs a folder for the images"));
         }
         let force = outputs.writing.force;
         let refuse_inputs =
             |sink: &Sink| paths::refuse_inputs(sink, outputs.inputs.iter().chain(&recipe.compare), force);
         if let Some(folder) = outputs.out_dir {
-            let count =
-                recipe.turntable.ok_or_else(|| usage("a folder is for the pictures of a --turntable"))?;
+            let count = recipe.turntable.ok_or_else(|| usage("a folder of images needs --turntable"))?;
             let template = template.unwrap_or("{stem}_{frame}.png");
             let (files, format) = frames(outputs, template, folder, count)?;
             if folder.exists() && !folder.is_dir() {
@@ -70,7 +69,7 @@ impl PictureOutput {
         let format = picture_format(&sink)?;
         refuse_inputs(&sink)?;
         if sink == Sink::Stream && outputs.json {
-            return Err(usage("the picture and --json both want standard output: give the picture a file"));
+            return Err(usage("standard output cannot have both the image and --json: write to a file"));
         }
         let files = match recipe.turntable {
             None => PictureFiles::One { sink, format },
@@ -79,14 +78,14 @@ impl PictureOutput {
             }
             Some(_) => {
                 return Err(usage(format!(
-                    "{sink}: a turntable is written as an animated .png, or with -O as one picture for each frame"
+                    "{sink}: a turntable is written as an animated .png, or with -O as one image for each frame"
                 )));
             }
         };
         Ok(Some(Self { files, force }))
     }
 
-    /// Returns true if a picture goes to standard output.
+    /// Returns true if an image goes to standard output.
     pub fn is_stdout(&self) -> bool {
         use PictureFiles::{Animation, One};
         matches!(&self.files, One { sink, .. } | Animation { sink, .. } if *sink == Sink::Stream)
@@ -107,7 +106,7 @@ impl PictureOutput {
         }
     }
 
-    /// Draws and writes all that is wanted.
+    /// Renders and writes all pictures.
     pub(super) fn write(&self, has_alpha: bool, draw: Draw<'_>, job: &mut Job<'_>) -> Result<(), AssetError> {
         let turn = |frame: usize, all: usize| TAU * frame as f64 / all as f64;
         match &self.files {
@@ -142,27 +141,27 @@ impl fmt::Display for PictureOutput {
             PictureFiles::One { sink, .. } => sink.fmt(f),
             PictureFiles::Animation { sink, frames, .. } => write!(f, "{sink}: {frames} frames"),
             PictureFiles::Frames { folder, files, .. } => {
-                write!(f, "{}: {} pictures", folder.display(), files.len())
+                write!(f, "{}: {} images", folder.display(), files.len())
             }
         }
     }
 }
 
-/// Returns the format of a picture by the name of its file; standard output gets PNG.
+/// Returns the image format of an output by its file extension; for standard output, PNG.
 ///
 /// # Errors
-/// [`AssetError::Usage`] if the name is not that of a picture, or the output is a folder.
+/// [`AssetError::Usage`] if the extension is not of an image format, or if the output is a folder.
 pub fn picture_format(sink: &Sink) -> Result<PictureFormat, AssetError> {
     paths::refuse_folder(sink, "")?;
     match sink {
         Sink::Stream => Ok(PictureFormat::Png),
         Sink::Path(path) => PictureFormat::of_path(path).ok_or_else(|| {
-            usage(format!("{}: the name of a .png, .jpg or .webp file is wanted", path.display()))
+            usage(format!("{}: the file name must end in .png, .jpg or .webp", path.display()))
         }),
     }
 }
 
-/// Writes a picture completely or not at all.
+/// Writes an image completely or not at all.
 ///
 /// # Errors
 /// Those of [`Job::put`]; [`AssetError::Picture`] if the format does not allow its size.
@@ -178,8 +177,8 @@ pub fn write_picture(
     job.put_bytes(&bytes, sink, force)
 }
 
-/// Returns the files of the frames, named by the template, and their format. Numbers begin at 0 and have as many digits
-/// as the last, so that they sort by name.
+/// Returns the files of the frames, named by the template, and their format. Numbers start at 0 and have as many digits
+/// as the last one, so that the files sort by name.
 fn frames(
     outputs: &Outputs<'_>,
     template: &str,
@@ -200,12 +199,12 @@ fn frames(
     let name = |i: usize| {
         let name = template.replace("{frame}", &format!("{i:0digits$}")).replace("{stem}", &stem);
         if name.contains(['/', '\\']) {
-            return Err(usage(format!("--name {template}: a name in the folder is wanted, not {name}")));
+            return Err(usage(format!("--name {template}: {name} is a path; only a file name is allowed")));
         }
         Ok(folder.join(name))
     };
     let files = (0..count).map(name).collect::<Result<Vec<_>, _>>()?;
     let format = PictureFormat::of_path(&files[0])
-        .ok_or_else(|| usage(format!("--name {template}: it must end in .png, .jpg or .webp")))?;
+        .ok_or_else(|| usage(format!("--name {template}: the name must end in .png, .jpg or .webp")))?;
     Ok((files, format))
 }

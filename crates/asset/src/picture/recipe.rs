@@ -1,4 +1,4 @@
-//! What is drawn, and how, as plain data.
+//! Options of pictures as plain data.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -11,50 +11,50 @@ use crate::destination::Up;
 use crate::error::{AssetError, usage};
 use crate::paths::Source;
 
-/// How files are drawn.
+/// Options of pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureRecipe {
-    /// A file that is drawn first, and that the others are compared with.
+    /// The reference of a comparison, which is rendered first.
     pub compare: Option<Source>,
-    /// Numbers of faces: each file has its simplifications to them beside it.
+    /// Numbers of faces of simplified levels, which are rendered beside each file.
     pub levels: Vec<usize>,
-    /// The method that makes them.
+    /// The method that makes the levels.
     pub method: MethodKind,
-    /// Colouring of surfaces; `None` for what each file intends.
+    /// Shading of surfaces; `None` for that which each file intends.
     pub shading: Option<Shading>,
-    /// The other appearance of surfaces.
+    /// Other options of the appearance of surfaces.
     pub look: Look,
-    /// Lights in place of the usual ones.
+    /// Lights instead of the default lights.
     pub lights: Vec<Light>,
-    /// Picture of a lit ball for [`Shading::Matcap`]; clay without one.
+    /// Image of a lit sphere for [`Shading::Matcap`]; clay if `None`.
     pub matcap: Option<PathBuf>,
-    /// What lights the model from all sides, and is reflected.
+    /// The environment that lights the model and is reflected.
     pub environment: Surroundings,
-    /// What is behind the model.
+    /// The background.
     pub background: Background,
-    /// What is below the model.
+    /// Shadow and grid on the ground.
     pub ground: Ground,
-    /// Creases are darkened.
+    /// Darken creases (ambient occlusion).
     pub occlusion: bool,
     /// Direction and lens of the camera.
     pub viewpoint: Viewpoint,
     /// The axis that points up in the files.
     pub up: Up,
-    /// An animation, by its name or by its number from 1; the first if there is only a time.
+    /// An animation, by name or by number from 1; the first one if only a time is given.
     pub clip: Option<String>,
     /// Time in the animation, in seconds.
     pub time: Option<f64>,
-    /// Number of pictures of a turn around the model.
+    /// Number of frames of a turntable.
     pub turntable: Option<usize>,
-    /// Pictures per second, if they are frames of one file.
+    /// Frames per second of an animated file.
     pub fps: u16,
-    /// Width and height of the picture, or of each if there are several.
+    /// Width and height of the picture, or of each picture if there are several.
     pub size: Option<[usize; 2]>,
     /// Number of pictures in a row.
     pub columns: Option<usize>,
-    /// Pictures side by side have captions.
+    /// Write captions below pictures side by side.
     pub captions: bool,
-    /// Sixteen samples per pixel instead of four.
+    /// Use 16 samples per pixel instead of 4.
     pub fine: bool,
 }
 
@@ -86,12 +86,12 @@ impl Default for PictureRecipe {
     }
 }
 
-/// What lights the model from all sides.
+/// An environment, which lights a model from all sides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Surroundings {
-    /// The studio for models with metal, or if it is the background.
+    /// The studio for models with metal or if the environment is the background, else none.
     Auto,
-    /// Nothing.
+    /// No environment.
     None,
     /// A dark room with soft lamps.
     Studio,
@@ -111,22 +111,22 @@ impl From<OsString> for Surroundings {
 }
 
 impl PictureRecipe {
-    /// Checks that its parts go together.
+    /// Checks that the options do not exclude each other.
     ///
     /// # Errors
     /// [`AssetError::Usage`].
     pub fn check(&self) -> Result<(), AssetError> {
         let is_compared = self.compare.is_some();
         if is_compared && !self.levels.is_empty() {
-            return Err(usage("--levels are compared with their own file: leave out --compare"));
+            return Err(usage("--levels compares with the original of each level: leave out --compare"));
         }
         if self.is_heat() && !is_compared && self.levels.is_empty() {
-            return Err(usage("--shading heat shows a distance: say from what, with --compare or --levels"));
+            return Err(usage("--shading heat shows distances from a reference: add --compare or --levels"));
         }
         if self.is_measured() && (self.clip.is_some() || self.time.is_some()) {
             return Err(usage(
-                "--time and --clip show a scene as it moves; --levels and --shading heat show one mesh at rest: leave \
-                 out one of them",
+                "--time and --clip pose a scene; --levels and --shading heat need the rest pose: the two cannot be \
+                 combined",
             ));
         }
         self.viewpoint.check()
@@ -147,7 +147,7 @@ impl PictureRecipe {
         self.size.unwrap_or(if count > 1 { [480, 480] } else { [1200, 800] })
     }
 
-    /// Returns what a camera sees, without the images of the recipe.
+    /// Returns the view of a camera, without the images of the recipe.
     pub fn view(
         &self,
         camera: Camera,

@@ -1,4 +1,4 @@
-//! Values of options of pictures as texts, with their permitted ranges.
+//! Parsers of option values of pictures, with their permitted ranges.
 
 use lodsmith_render::{Background, Light, LightKind, MAX_SIDE_PX};
 
@@ -26,33 +26,33 @@ pub fn fov_deg(text: &str) -> Result<f64, String> {
 
 /// Parses a width and height in pixels: `1200x800`.
 pub fn size(text: &str) -> Result<[usize; 2], String> {
-    let wanted = || format!("a size is WxH in pixels, such as 1200x800, up to {MAX_SIDE_PX} a side");
-    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(wanted)?;
-    let side = |text: &str| text.parse().ok().filter(|n| (1..=MAX_SIDE_PX).contains(n)).ok_or_else(wanted);
+    let expected = || format!("a size is WxH in pixels, such as 1200x800, up to {MAX_SIDE_PX} a side");
+    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(expected)?;
+    let side = |text: &str| text.parse().ok().filter(|n| (1..=MAX_SIDE_PX).contains(n)).ok_or_else(expected);
     Ok([side(width)?, side(height)?])
 }
 
 /// Parses a colour as `#rrggbb`, in sRGB from 0 to 1.
 pub fn color(text: &str) -> Result<[f32; 3], String> {
-    let wanted = || "a colour is #rrggbb, such as #cc9e66".to_owned();
+    let expected = || "a colour is #rrggbb, such as #cc9e66".to_owned();
     let digits = text
         .strip_prefix('#')
         .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))
-        .ok_or_else(wanted)?;
-    let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| wanted());
+        .ok_or_else(expected)?;
+    let byte = |i: usize| u8::from_str_radix(&digits[2 * i..2 * i + 2], 16).map_err(|_| expected());
     Ok([byte(0)?, byte(1)?, byte(2)?].map(|b| f32::from(b) / 255.0))
 }
 
 /// Parses two numbers, the lower one first: `0,0.5`.
 pub fn range(text: &str) -> Result<[f32; 2], String> {
-    let wanted = || "a range is LOW,HIGH, such as 0,0.5".to_owned();
-    let (low, high) = text.split_once(',').ok_or_else(wanted)?;
-    let side = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite()).ok_or_else(wanted);
-    let (low, high) = (side(low)?, side(high)?);
-    if low < high { Ok([low, high]) } else { Err(wanted()) }
+    let expected = || "a range is LOW,HIGH, such as 0,0.5".to_owned();
+    let (low, high) = text.split_once(',').ok_or_else(expected)?;
+    let end = |text: &str| text.trim().parse::<f32>().ok().filter(|x| x.is_finite()).ok_or_else(expected);
+    let (low, high) = (end(low)?, end(high)?);
+    if low < high { Ok([low, high]) } else { Err(expected()) }
 }
 
-/// Parses the number of frames of a turn: one is no turn, and an hour at 30 frames per second is enough.
+/// Parses the number of frames of a turntable: at least two, and at most an hour at 30 frames per second.
 pub fn frames(text: &str) -> Result<usize, String> {
     at_least(text, 2).and_then(|n| if n <= 108_000 { Ok(n) } else { Err("at most 108000".to_owned()) })
 }
@@ -79,29 +79,29 @@ pub fn background(text: &str) -> Result<Background, String> {
 
 /// Parses a light: `sun:X,Y,Z`, `point:X,Y,Z` or `spot:X,Y,Z`, with its strength at the end if it is not 1: `=0.5`.
 pub fn light(text: &str) -> Result<Light, String> {
-    let wanted = || "a light is sun:X,Y,Z, point:X,Y,Z or spot:X,Y,Z, with =STRENGTH if not 1".to_owned();
-    let (place, strength) = match text.split_once('=') {
-        Some((place, strength)) => (place, above_zero(strength).map_err(|_| wanted())? as f32),
+    let expected = || "a light is sun:X,Y,Z, point:X,Y,Z or spot:X,Y,Z, with =STRENGTH if not 1".to_owned();
+    let (position, strength) = match text.split_once('=') {
+        Some((position, strength)) => (position, above_zero(strength).map_err(|_| expected())? as f32),
         None => (text, 1.0),
     };
-    let (kind, numbers) = place.split_once(':').ok_or_else(wanted)?;
+    let (kind, numbers) = position.split_once(':').ok_or_else(expected)?;
     let numbers: Vec<f32> =
-        numbers.split(',').map(|n| n.trim().parse().map_err(|_| wanted())).collect::<Result<_, _>>()?;
-    let &[x, y, z] = numbers.as_slice() else { return Err(wanted()) };
+        numbers.split(',').map(|n| n.trim().parse().map_err(|_| expected())).collect::<Result<_, _>>()?;
+    let &[x, y, z] = numbers.as_slice() else { return Err(expected()) };
     let at = [x, y, z];
     if at.iter().any(|n| !n.is_finite()) || at == [0.0; 3] {
-        return Err(wanted());
+        return Err(expected());
     }
     let kind = match kind {
         "sun" => LightKind::Directional { to_light: at.into() },
         "point" => LightKind::Point { at: at.into() },
         // Half of a cone of 50 degrees, which contains the model from a distance of a little over two radii.
-        // (By eye.)
+        // (Chosen by eye.)
         "spot" => LightKind::Spot { at: at.into(), toward: [0.0; 3].into(), half_angle_rad: 0.436 },
-        _ => return Err(wanted()),
+        _ => return Err(expected()),
     };
-    // Light of near lights falls off with the square of the distance in radii: it has the given strength at one radius
-    // from the centre.
+    // The light of point and spot lights falls off with the square of the distance, in radii: the given strength
+    // applies at one radius from the centre.
     let strength = match kind {
         LightKind::Point { at } | LightKind::Spot { at, .. } => {
             strength * (at.length() - 1.0).max(0.5).powi(2)
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_are_given_by_numbers() {
+    fn sizes_colours_and_ranges_are_parsed() {
         assert_eq!(size("1200x800"), Ok([1200, 800]));
         assert_eq!(color("#cc9e66"), Ok([0.8, 158.0 / 255.0, 0.4]));
         assert_eq!(range("0, 0.5"), Ok([0.0, 0.5]));
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn backgrounds_and_lights_are_told_by_words() {
+    fn backgrounds_and_lights_are_parsed() {
         assert_eq!(background("#ff0000"), Ok(Background::Color([1.0, 0.0, 0.0])));
         assert_eq!(background("#000000,#ffffff"), Ok(Background::Gradient([0.0; 3], [1.0; 3])));
         assert_eq!(background("transparent"), Ok(Background::Transparent));

@@ -1,4 +1,4 @@
-//! The options of jobs on files by name: those of the engine, and those of files.
+//! The options of jobs on files by name: the options of the engine, and the options of files.
 
 mod entry;
 mod given;
@@ -17,7 +17,7 @@ use crate::error::{AssetError, usage};
 pub use entry::{FileKind, FileOption, OptionSection};
 pub use given::FileOptions;
 
-/// The options of files, by table.
+/// The tables of options of files.
 const TABLES: &[&[FileOption]] = &[
     #[cfg(feature = "pictures")]
     pictures::OPTIONS,
@@ -29,7 +29,7 @@ const TABLES: &[&[FileOption]] = &[
 pub enum JobOption {
     /// An option of the engine.
     Engine(&'static NamedOption),
-    /// Another one.
+    /// Another option.
     File(&'static FileOption),
 }
 
@@ -97,7 +97,7 @@ impl JobOption {
         }
     }
 
-    /// Returns the kind of its value, or of each if it takes several.
+    /// Returns the kind of the value, or of each value if the option takes several.
     pub const fn kind_name(&self) -> &'static str {
         match self {
             Self::Engine(option) => option.kind.name(),
@@ -110,12 +110,12 @@ impl JobOption {
         self.kind_name() == "flag"
     }
 
-    /// True if several values are one text, joined by commas.
+    /// True if one text, with commas, can have several values.
     pub const fn is_list(&self) -> bool {
         matches!(self, Self::File(FileOption { kind: FileKind::List(_), .. }))
     }
 
-    /// True if it takes several values.
+    /// True if the option takes several values.
     pub const fn takes_several(&self) -> bool {
         match self {
             Self::Engine(option) => matches!(option.kind, OptionKind::Weights(_)),
@@ -123,7 +123,7 @@ impl JobOption {
         }
     }
 
-    /// Returns the words that can be given; none if the value is no word.
+    /// Returns the permitted words; empty if the value is not a word.
     pub fn words(&self) -> Vec<&'static str> {
         match self {
             Self::Engine(option) => option.kind.words().to_vec(),
@@ -134,7 +134,7 @@ impl JobOption {
         }
     }
 
-    /// Returns the options that cannot be given together with it.
+    /// Returns the options that this option excludes.
     pub const fn excludes(&self) -> &'static [&'static str] {
         match self {
             Self::Engine(_) => &[],
@@ -154,10 +154,10 @@ impl JobOption {
         })
     }
 
-    /// Checks a value, or one of several.
+    /// Checks a single value.
     ///
     /// # Errors
-    /// The values that it takes.
+    /// The values that the option takes, as text.
     pub fn check(&self, value: &OsStr) -> Result<(), String> {
         match self {
             Self::Engine(option) => {
@@ -169,10 +169,10 @@ impl JobOption {
         }
     }
 
-    /// Sets values, which are several for an option that takes a list.
+    /// Sets the value, or several values of an option that takes a list.
     ///
     /// # Errors
-    /// [`AssetError::Usage`] for a value that it does not take.
+    /// [`AssetError::Usage`] for a value that the option does not take.
     pub fn set(&self, options: &mut FileOptions, values: &[OsString]) -> Result<(), AssetError> {
         match self {
             Self::Engine(option) => {
@@ -181,7 +181,7 @@ impl JobOption {
             }
             Self::File(option) => {
                 option.set(options, values).map_err(|why| self.wrong(&why))?;
-                // A flag that is off is as if it were not given.
+                // A flag that is off counts as not given.
                 if !self.is_flag() || values.iter().all(|value| value == "true") {
                     options.given.push(option.name);
                 }
@@ -206,7 +206,7 @@ impl JobOption {
 }
 
 impl FileOption {
-    /// Sets one value, or several where it takes them.
+    /// Sets one value, or several if the option takes a list.
     fn set(&self, options: &mut FileOptions, values: &[OsString]) -> Result<(), String> {
         let parts = |value: &OsString| match value.to_str() {
             Some(text) => text.split(',').map(|part| part.trim().into()).collect(),
@@ -241,7 +241,7 @@ fn texts(value: &Value) -> Result<Vec<OsString>, String> {
 /// Returns a value of an option of the engine.
 ///
 /// # Errors
-/// The reason, for a value that is of no kind of option.
+/// The reason why no option takes the value.
 pub fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
     Ok(match value {
         Value::Bool(x) => OptionValue::Flag(*x),
@@ -259,7 +259,7 @@ pub fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
             OptionValue::Weights(all.ok_or("a number is expected for each name")?)
         }
         Value::Array(all) => {
-            // Several texts of one option, as weights are on a command line.
+            // Several texts for one option, as for weights on a command line.
             let texts: Option<Vec<&str>> = all.iter().map(Value::as_str).collect();
             OptionValue::Text(texts.ok_or("a single value is expected")?.join(",").into())
         }
@@ -268,7 +268,7 @@ pub fn engine_value(value: &Value) -> Result<OptionValue<'static>, String> {
 }
 
 impl FileOptions {
-    /// Reads options by name; those that are null are not given.
+    /// Reads options by name; null means not given.
     pub(super) fn of_json(verb: Verb, given: &Map<String, Value>) -> Result<Self, AssetError> {
         let all = JobOption::all(verb);
         let mut options = Self::default();
@@ -283,14 +283,14 @@ impl FileOptions {
         options.completed(verb)
     }
 
-    /// Sets defaults, and checks that the options that were given go together.
+    /// Sets defaults, and checks that the given options do not exclude each other.
     pub(super) fn completed(mut self, verb: Verb) -> Result<Self, AssetError> {
         let all = JobOption::all(verb);
         for option in &all {
             let JobOption::File(file) = option else { continue };
             if self.given.contains(&file.name) {
                 if let Some(other) = file.excludes.iter().find(|other| self.given.contains(other)) {
-                    return Err(usage(format!("only one of --{} and --{other} can be given", file.name)));
+                    return Err(usage(format!("only one of --{} and --{other} may be given", file.name)));
                 }
                 let is_missing = |other: &&'static str| {
                     !self.given.contains(other) && all.iter().any(|option| option.name() == *other)
@@ -315,7 +315,7 @@ mod tests {
     use crate::destination::Up;
 
     fn given(verb: Verb, options: Value) -> Result<FileOptions, AssetError> {
-        let Value::Object(options) = options else { panic!("an object is given") };
+        let Value::Object(options) = options else { panic!("options are an object") };
         FileOptions::of_json(verb, &options)
     }
 
@@ -336,12 +336,12 @@ mod tests {
         let levels = given(Verb::Lod, json!({ "levels": [0.5, "25%"], "geomorph": true })).unwrap();
         assert_eq!(levels.levels().unwrap().levels, Levels::Ratios(vec![0.5, 0.25]));
         let errors = given(Verb::Lod, json!({ "errors": ["0.1%", 2] })).unwrap();
-        let wanted = Levels::Errors(vec![Length::OfDiagonal(0.001), Length::Units(2.0)]);
-        assert_eq!(errors.levels().unwrap().levels, wanted);
+        let expected = Levels::Errors(vec![Length::OfDiagonal(0.001), Length::Units(2.0)]);
+        assert_eq!(errors.levels().unwrap().levels, expected);
     }
 
     #[test]
-    fn defaults_are_those_of_the_libraries() {
+    fn defaults_agree_with_the_libraries() {
         for verb in Verb::ALL {
             let mut options = given(verb, json!({})).unwrap();
             if verb == Verb::Bake {
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_stands_for_one_option_of_a_job() {
+    fn names_of_options_are_unique_within_a_job() {
         for verb in Verb::ALL {
             let all = JobOption::all(verb);
             let named = |name: &str| all.iter().filter(|option| option.name() == name).count();
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_job_does_not_take_is_named() {
+    fn unknown_options_and_values_are_named() {
         let text = |verb, options| given(verb, options).unwrap_err().to_string();
         assert_eq!(
             text(Verb::Simplify, json!({ "rato": 0.1 })),

@@ -1,4 +1,4 @@
-//! A request whose options and outputs are checked, and what comes of it.
+//! A request with checked options and outputs, and its results.
 
 use std::path::Path;
 use std::slice;
@@ -25,22 +25,22 @@ use crate::report_json;
 use crate::simplify::{Outcome, Recipe, simplify};
 use crate::warnings::{viewing_warnings, warnings_of};
 
-/// Where a job reads and writes.
+/// The inputs and outputs of a job.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Places<'a> {
-    /// The inputs; for a bake the detailed one and the lighter one.
+    /// The inputs; for baking, the high-poly file and the low-poly file.
     pub inputs: &'a [Source],
     /// The output of the only input.
     pub output: Option<&'a Sink>,
     /// The folder for outputs.
     pub out_dir: Option<&'a Path>,
-    /// Template of file names in the folder, if they are results of several inputs.
+    /// Template of file names in the folder, for results of several inputs.
     pub name: &'a str,
-    /// True if standard output carries the report.
+    /// True if the report goes to standard output.
     pub json: bool,
 }
 
-/// A job whose options and outputs are checked, for one input or several.
+/// A job with checked options and outputs, for one input or several.
 #[derive(Debug)]
 pub struct PlannedJob<'r> {
     options: &'r FileOptions,
@@ -50,7 +50,7 @@ pub struct PlannedJob<'r> {
     pub files: Vec<Assignment>,
 }
 
-/// What is done with each input.
+/// The work on each input.
 #[derive(Debug)]
 enum Work {
     Simplify(Recipe),
@@ -64,40 +64,39 @@ enum Work {
     Render(Vec<Source>, Option<PictureOutput>),
 }
 
-/// What came of an input.
+/// The result for an input.
 #[derive(Debug)]
 pub enum Done {
-    /// It was made lighter.
+    /// Result of simplification.
     Simplify(Box<Outcome>),
-    /// Levels were made.
+    /// Levels of detail.
     Lod(LodOutcome),
-    /// It was converted.
+    /// Result of a conversion.
     Convert(ConvertOutcome),
-    /// It was repaired.
+    /// Result of repairs.
     Clean(CleanOutcome),
-    /// Maps were baked.
+    /// Result of baking.
     Bake(BakeOutcome),
-    /// It was inspected.
+    /// Result of an inspection.
     Info(Info),
-    /// It was drawn, with all other inputs.
+    /// Pictures of all inputs.
     #[cfg(feature = "pictures")]
     Render(PictureOutcome),
 }
 
-/// Something that the user should know of an input.
+/// A message to the user about an input.
 #[derive(Clone, Debug)]
 pub struct Note {
-    /// Path of the input, and which level it is about.
+    /// Path of the input, and the level if it concerns one.
     pub about: String,
-    /// What there is to know.
+    /// The message.
     pub text: String,
-    /// Data are lost, or a target was not reached: with `strict` that is a fault.
+    /// True if data are lost or a target was not reached, which is an error with `strict`.
     pub is_loss: bool,
 }
 
 impl<'r> PlannedJob<'r> {
-    /// Checks the options and assigns outputs to the inputs. `vertices` are data of vertices for
-    /// [`Verb::Simplify`].
+    /// Checks the options and assigns outputs to the inputs. `vertices` are the vertex data for [`Verb::Simplify`].
     pub(super) fn new(
         verb: Verb,
         options: &'r FileOptions,
@@ -107,7 +106,7 @@ impl<'r> PlannedJob<'r> {
         paths::at_most_one_stream(places.inputs)?;
         let inputs = match (verb, places.inputs) {
             (Verb::Bake, [_, low]) => slice::from_ref(low),
-            (Verb::Bake, _) => return Err(usage("a detailed and a lighter file are needed")),
+            (Verb::Bake, _) => return Err(usage("a high-poly and a low-poly file are needed")),
             (_, []) => return Err(usage("an input is needed")),
             (_, inputs) => inputs,
         };
@@ -143,8 +142,10 @@ impl<'r> PlannedJob<'r> {
             Verb::Convert => Work::Convert,
             Verb::Clean => Work::Clean,
             Verb::Bake => {
-                let (high, baking) =
-                    (places.inputs[0].clone(), baking.ok_or_else(|| usage("--maps: none are given"))?);
+                let (high, baking) = (
+                    places.inputs[0].clone(),
+                    baking.ok_or_else(|| usage("--maps: at least one is needed"))?,
+                );
                 let is_allowed = options.writing.force;
                 places.output.map_or(Ok(()), |to| paths::refuse_inputs(to, [&high], is_allowed))?;
                 Work::Bake(high, baking)
@@ -166,7 +167,7 @@ impl<'r> PlannedJob<'r> {
         Ok(Self { options, memory: options.memory(), work, files })
     }
 
-    /// Begins the job on one of the files.
+    /// Starts the job on one of the files.
     pub fn begin<'w>(&self, watch: &'w mut dyn Watch) -> Job<'w> {
         Job::new(watch, self.options.time_limit, self.memory)
     }
@@ -174,7 +175,7 @@ impl<'r> PlannedJob<'r> {
     /// Does the job on one of the files.
     ///
     /// # Errors
-    /// Those of the job. The input is not named.
+    /// Those of the job, without the name of the input.
     pub fn run(&self, file: &Assignment, job: &mut Job<'_>) -> Result<Done, AssetError> {
         let (source, to) = (&file.source, file.output.as_ref());
         let reading = &self.options.reading(self.memory);
@@ -214,7 +215,7 @@ impl<'r> PlannedJob<'r> {
 
 #[cfg(feature = "pictures")]
 impl PlannedJob<'_> {
-    /// Returns where pictures go; `None` for other jobs, and for a picture that is not written.
+    /// Returns the output of pictures; `None` for other jobs, and for a picture that is not written.
     pub fn pictures(&self) -> Option<&PictureOutput> {
         match &self.work {
             Work::Render(_, to) => to.as_ref(),
@@ -224,7 +225,7 @@ impl PlannedJob<'_> {
 }
 
 impl Done {
-    /// Returns what the user should know of a file: warnings, and targets that were not reached.
+    /// Returns the messages to the user about a file: warnings, and targets that were not reached.
     pub fn notes(&self, path: &str) -> Vec<Note> {
         let mut notes = Vec::new();
         let mut add = |about: &str, warnings: &[Warning], missed: Option<&String>| {

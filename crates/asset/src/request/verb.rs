@@ -33,7 +33,7 @@ impl Verb {
         Self::Render,
     ];
 
-    /// Returns the name, which is that of the subcommand.
+    /// Returns the name, as of the subcommand.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Simplify => "simplify",

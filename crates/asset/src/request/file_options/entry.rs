@@ -5,14 +5,14 @@ use std::ffi::OsStr;
 use super::given::FileOptions;
 use crate::request::verb::Verb;
 
-/// An option of jobs on files: its name, the values that it takes, and how it is set.
+/// An option of jobs on files: its name, its values, and the function that sets it.
 #[derive(Clone, Copy, Debug)]
 pub struct FileOption {
     /// Name on the command line, words joined by dashes: `max-memory`.
     pub name: &'static str,
-    /// The values that it takes.
+    /// The kind of its values.
     pub kind: FileKind,
-    /// The jobs that have it.
+    /// The jobs that have the option.
     pub verbs: &'static [Verb],
     /// Section of lists, such as the help of the command.
     pub section: OptionSection,
@@ -20,19 +20,19 @@ pub struct FileOption {
     pub value_name: &'static str,
     /// Help text: one sentence in the imperative, without a full stop.
     pub help: &'static str,
-    /// The value if it is not given, as text.
+    /// The default value, as text.
     pub default: Option<&'static str>,
-    /// An option without which it means nothing.
+    /// The option that this option needs.
     pub needs: Option<&'static str>,
-    /// Options that cannot be given together with it.
+    /// The options that this option excludes.
     pub excludes: &'static [&'static str],
     pub(super) set: Set,
 }
 
-/// Sets a value, or one of several. The error says which values are taken.
+/// Sets a single value. The error names the permitted values.
 pub(super) type Set = fn(&mut FileOptions, &OsStr) -> Result<(), String>;
 
-/// The values that an option of files takes. Ranges are checked where it is set.
+/// The kind of values of an option of files. The function that sets an option checks the range.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum FileKind {
@@ -52,9 +52,9 @@ pub enum FileKind {
     Text,
     /// The path of a file or a folder.
     Path,
-    /// Several values, joined by commas where they are a text.
+    /// Several values; one text can have several, separated by commas.
     List(&'static FileKind),
-    /// Several values; a text is one of them, whatever it contains.
+    /// Several values; each text is one value, even with commas.
     Repeated(&'static FileKind),
 }
 
@@ -82,17 +82,17 @@ impl FileKind {
     }
 }
 
-/// Section of lists of options, in the order of such lists.
+/// Section of lists of options; lists have this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum OptionSection {
     /// Outputs and their names.
     Output,
-    /// Targets, which end a run.
+    /// Targets that end a run.
     Target,
     /// Levels to make.
     Levels,
-    /// Distances at which levels are switched.
+    /// Switching distances of levels.
     Switching,
     /// Repairs.
     Repair,
@@ -110,17 +110,17 @@ pub enum OptionSection {
     Look,
     /// Position of the camera.
     View,
-    /// Moment of an animation.
+    /// Animation and its time.
     Animation,
-    /// A turn of the camera around the model.
+    /// Frames of a camera that moves around the model.
     Turntable,
-    /// Arrangement of pictures.
+    /// Size and arrangement of pictures.
     Picture,
-    /// How inputs are read.
+    /// Options of reading.
     Reading,
-    /// How outputs are written.
+    /// Options of writing.
     Writing,
-    /// Limits of a run, and its end.
+    /// Limits and exit status of a run.
     Run,
 }
 
@@ -130,21 +130,21 @@ impl OptionSection {
         Some(match self {
             Self::Output => return None,
             Self::Target => {
-                "Target (the first one met stops; one at least, unless the method ends by itself)"
+                "Target (at least one, unless the method ends by itself; the first one met stops)"
             }
             Self::Levels => "Levels (one of these)",
             Self::Switching => "Switching",
             Self::Repair => "Repair",
             Self::Simplification => "Simplification",
-            Self::OfMethod => "Of single methods",
-            Self::Guards => "Guards of the result",
+            Self::OfMethod => "Options of single methods",
+            Self::Guards => "Limits on the shape of the result",
             Self::Deviation => "Deviation",
             Self::Baking => "Baking",
             Self::Look => "Look",
             Self::View => "View",
             Self::Animation => "Animation",
             Self::Turntable => "Turntable",
-            Self::Picture => "Picture",
+            Self::Picture => "Image",
             Self::Reading => "Reading",
             Self::Writing => "Writing",
             Self::Run => "Run",
@@ -152,8 +152,9 @@ impl OptionSection {
     }
 }
 
-/// Makes a table: name, kind, jobs, section, placeholder and help of each option; its default, the option that it needs
-/// and those that it excludes, if there are any; and how a value `v` is set in options `o`.
+/// Defines a table. Each option has a name, a kind, jobs, a section, a placeholder and a help text; optionally a
+/// default, the option that it needs and the options that it excludes; and an expression that sets its value `v` in the
+/// options `o`.
 macro_rules! file_options {
     ($(#[$doc:meta])* $table:ident: $($name:literal ($kind:expr) $verbs:tt $section:ident $value:literal $help:literal
         $(default $default:literal)? $(needs $needs:literal)? $(excludes $($other:literal)+)?

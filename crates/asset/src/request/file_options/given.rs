@@ -1,4 +1,4 @@
-//! The options of a job as they were given.
+//! The given options of a job.
 
 use std::path::PathBuf;
 
@@ -18,18 +18,18 @@ use crate::normals::Normals;
 use crate::picture::PictureRecipe;
 use crate::values::LEVEL_FACTOR;
 
-/// The options of a job on files; each is a field, or becomes a part of one.
+/// The options of a job on files; each is a field or a part of one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileOptions {
     /// Options of the engine by name.
     pub(super) engine: Vec<(&'static str, OptionValue<'static>)>,
-    /// Names of the options that were given; of flags only those that are on.
+    /// Names of the given options, without flags that are off.
     pub(super) given: Vec<&'static str>,
     /// Format of the inputs.
     pub from: Option<Format>,
     pub(super) asset_root: Option<PathBuf>,
     pub(super) allow_outside: bool,
-    /// Names of parts that a run treats in other ways.
+    /// Names of parts with locks or importance.
     pub names: PartNames,
     /// Normals of the result.
     pub normals: Normals,
@@ -37,7 +37,7 @@ pub struct FileOptions {
     pub(super) map_files: bool,
     /// Format of the outputs.
     pub to: Option<Format>,
-    /// How outputs are written.
+    /// Options of writing.
     pub writing: Writing,
     /// Repairs.
     pub clean: CleanOptions,
@@ -48,23 +48,23 @@ pub struct FileOptions {
     pub(super) factor: f64,
     /// Naming of levels.
     pub naming: Naming,
-    /// Template of names of levels or frames in a folder.
+    /// Template of the file names of levels or frames in a folder.
     pub name: Option<String>,
     pub(super) geomorph: bool,
-    /// The screen that switching distances are for.
+    /// The screen for switching distances.
     pub screen: Screen,
-    /// What is drawn, and how.
+    /// Options of pictures.
     #[cfg(feature = "pictures")]
     pub picture: PictureRecipe,
-    /// Nothing is written.
+    /// Write nothing.
     pub dry_run: bool,
-    /// Lost data and missed targets are faults.
+    /// Treat lost data and missed targets as errors.
     pub strict: bool,
     /// Number of threads.
     pub threads: Option<usize>,
-    /// Seconds after which a run ends.
+    /// Time limit of a run, in seconds.
     pub time_limit: Option<f64>,
-    /// Bytes of memory that a step may take.
+    /// Memory limit of a step, in bytes.
     pub max_memory: Option<u64>,
 }
 
@@ -109,7 +109,7 @@ impl FileOptions {
         self.bake.maps = BakeOptions::new(self.bake.maps.iter().copied().chain([kind])).maps;
     }
 
-    /// Returns which files a model may name.
+    /// Returns the files that a model may refer to.
     pub fn scope(&self) -> AssetScope {
         match &self.asset_root {
             Some(root) => AssetScope::Root(root.clone()),
@@ -118,7 +118,7 @@ impl FileOptions {
         }
     }
 
-    /// Returns how inputs are read, by a job that may take this much memory.
+    /// Returns the options of reading, with a memory limit in bytes.
     pub fn reading(&self, memory: u64) -> ReadOptions {
         let mut options = ReadOptions::default();
         options.format = self.from;
@@ -127,7 +127,7 @@ impl FileOptions {
         options
     }
 
-    /// Returns the bytes of memory that a step may take.
+    /// Returns the memory limit of a step, in bytes.
     pub fn memory(&self) -> u64 {
         self.max_memory.unwrap_or_else(Job::default_memory)
     }
@@ -149,7 +149,7 @@ impl FileOptions {
     /// Returns the options of levels.
     ///
     /// # Errors
-    /// [`AssetError::Usage`] if nothing says which levels are made; those of [`FileOptions::engine`].
+    /// [`AssetError::Usage`] if no option determines the levels; those of [`FileOptions::engine`].
     pub(crate) fn levels(&self) -> Result<LodOptions, AssetError> {
         let Self { ratios, faces, errors, factor, .. } = self;
         let mut options = LodOptions::new(match self.count {
@@ -157,10 +157,10 @@ impl FileOptions {
             None if !errors.is_empty() => Levels::Errors(errors.clone()),
             None if !faces.is_empty() => Levels::Faces(faces.clone()),
             None if !ratios.is_empty() => Levels::Ratios(ratios.clone()),
-            None => return Err(usage("say which levels are made: --levels, --faces, --count or --errors")),
+            None => return Err(usage("one of --levels, --faces, --count and --errors is needed")),
         });
         options.simplify = self.engine()?;
-        // Switching distances are no more accurate than the errors that they are computed from.
+        // Switching distances are computed from measured errors.
         options.simplify.measure = Measure::Always;
         options.geomorph = self.geomorph;
         Ok(options)

@@ -17,9 +17,9 @@ use FileKind::{Count, Flag, List, Number, Path, Repeated, Text, Word};
 use Verb::Render;
 
 file_options! {
-    /// The options of pictures besides those of all jobs.
+    /// The options of pictures, without the options of all jobs.
     OPTIONS:
-    "compare" (Path) [Render] Output "REFERENCE" "Render this file first, with the same camera"
+    "compare" (Path) [Render] Output "REFERENCE" "Reference to render first, with the same camera"
         |o, v| o.picture.compare = Some(Source::from(v.to_owned()));
     "levels" (List(&Count)) [Render] Output "N,..." "Render the model and its simplifications to N faces side by side"
         excludes "compare" |o, v| o.picture.levels.push(parsed(v, count)?);
@@ -27,7 +27,7 @@ file_options! {
         default "memoryless" needs "levels" |o, v| o.picture.method = word(v)?;
 
     "shading" (Word(names::<Shading>)) [Render] Look "SHADING"
-        "Colouring of surfaces, see below [default: textured if there are materials, vertex-colors if there are \
+        "Shading of surfaces, see below [default: textured if there are materials, else vertex-colors if there are \
          colours, else smooth]"
         |o, v| o.picture.shading = Some(word(v)?);
     "color" (Text) [Render] Look "COLOR" "Colour of the surface, as #rrggbb"
@@ -40,18 +40,18 @@ file_options! {
         "Draw non-manifold edges in violet, faces without area in yellow, duplicate faces in blue"
         |o, v| o.picture.look.defects = flag(v)?;
     "cull" (Flag) [Render] Look "" "Hide faces seen from behind" |o, v| o.picture.look.cull_back = flag(v)?;
-    "matcap" (Path) [Render] Look "FILE" "Picture of a lit ball for --shading matcap [default: clay]"
+    "matcap" (Path) [Render] Look "FILE" "Image of a lit sphere for --shading matcap [default: clay]"
         |o, v| o.picture.matcap = Some(v.into());
     "range" (Text) [Render] Look "LOW,HIGH"
-        "Range of the colours of --shading heat, in units of the file [default: 0 to the largest]"
+        "Distances at the ends of the colour scale of --shading heat, in units of the file [default: 0 and the largest]"
         |o, v| o.picture.look.heat_range = Some(parsed(v, range)?);
-    "colors" (Word(names::<ColorMap>)) [Render] Look "MAP" "Colours of --shading heat"
+    "colors" (Word(names::<ColorMap>)) [Render] Look "MAP" "Colour scale of --shading heat"
         default "turbo" |o, v| o.picture.look.color_map = word(v)?;
-    "light" (Repeated(&Text)) [Render] Look "LIGHT" "A light, see below; may be repeated"
+    "light" (Repeated(&Text)) [Render] Look "LIGHT" "Light, see below; may be repeated"
         |o, v| o.picture.lights.push(parsed(v, light)?);
     "environment" (Path) [Render] Look "ENVIRONMENT"
-        "Environment that lights and reflects in materials: studio, none, or a panorama (.hdr, .png, .jpg), twice as \
-         wide as high; auto: studio for models with metal, or if it is the background"
+        "Environment that lights the model and is reflected in materials: studio, none, or a panorama twice as wide as \
+         high (.hdr, .png, .jpg); auto is studio for models with metal, or if the environment is the background"
         default "auto" |o, v| o.picture.environment = Surroundings::from(v.to_owned());
     "occlusion" (Flag) [Render] Look "" "Darken creases (ambient occlusion)" |o, v| o.picture.occlusion = flag(v)?;
     "shadow" (Flag) [Render] Look "" "Draw a shadow on the ground" |o, v| o.picture.ground.shadow = flag(v)?;
@@ -79,21 +79,21 @@ file_options! {
         |o, v| o.picture.time = Some(parsed(v, not_negative)?);
 
     "turntable" (Count) [Render] Turntable "N"
-        "Render N views all around the model: an animated PNG with -o, a picture for each with -O"
+        "Render N views around the model: an animated PNG with -o, one image per view with -O"
         |o, v| o.picture.turntable = Some(parsed(v, frames)?);
     "fps" (Count) [Render] Turntable "N" "Frames per second of the animated PNG"
         default "20" needs "turntable" |o, v| o.picture.fps = parsed(v, fps)?;
     "name" (Text) [Render] Turntable "TEMPLATE"
-        "File names in the folder: .png, .jpg or .webp [default: {stem}_{frame}.png]"
+        "File names in the folder (.png, .jpg, .webp) [default: {stem}_{frame}.png]"
         |o, v| o.name = Some(parsed(v, |text| Ok(text.to_owned()))?);
 
     "size" (Text) [Render] Picture "WxH"
-        "Size of the picture, or of each if there are several [default: 1200x800, several 480x480]"
+        "Size of the image, or of each image if there are several [default: 1200x800, several 480x480]"
         |o, v| o.picture.size = Some(parsed(v, size)?);
-    "columns" (Count) [Render] Picture "N" "Pictures per row [default: up to 4]"
+    "columns" (Count) [Render] Picture "N" "Images per row [default: up to 4]"
         |o, v| o.picture.columns = Some(parsed(v, count)?);
     "no-captions" (Flag) [Render] Picture "" "Leave out the captions" |o, v| o.picture.captions = !flag(v)?;
-    "fine" (Flag) [Render] Picture "" "Use sixteen samples per pixel instead of four" |o, v| o.picture.fine = flag(v)?;
+    "fine" (Flag) [Render] Picture "" "Use 16 samples per pixel instead of 4" |o, v| o.picture.fine = flag(v)?;
 
     "force" (Flag) [Render] Run "" "Overwrite inputs and write-protected files (never folders)"
         |o, v| o.writing.force = flag(v)?;

@@ -1,4 +1,4 @@
-//! Values of options as words.
+//! Values of options with names.
 
 use std::ffi::OsStr;
 
@@ -47,7 +47,7 @@ pub(super) fn names<T: Named>() -> Vec<&'static str> {
     names_of(T::ALL)
 }
 
-/// Returns the one of these values that has this name.
+/// Returns that of these values which has this name.
 pub(super) fn one_of<T: Named>(name: &OsStr, values: &[T]) -> Result<T, String> {
     let found = values.iter().copied().find(|value| name == value.name());
     found.ok_or_else(|| format!("one of {} is expected", names_of(values).join(", ")))
