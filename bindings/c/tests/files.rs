@@ -250,7 +250,7 @@ fn errors_have_a_code_and_a_text() {
         (
             FileJob { out_dir: Some(place("")), output: None, ..job(ratio()) },
             LODSMITH_ERROR_ARGUMENT,
-            "with lod",
+            "only for lod",
         ),
         (lod(Some("low.ply")), LODSMITH_ERROR_OPTION, "use a folder (out_dir) for PLY"),
     ];
@@ -328,7 +328,7 @@ fn finish_writes_the_best_mesh_so_far_but_cancels_baking() {
     fs::remove_file(&output).unwrap();
     let bake = json!({ "ratio": 0.3, "bake": "normal", "texture_size": 64 });
     let (code, error, _) = simplify(output.clone(), bake).run_with(Some(&mut finishing));
-    assert!(code == LODSMITH_ERROR_CANCELLED && error.unwrap().contains("bake") && !output.exists());
+    assert!(code == LODSMITH_ERROR_CANCELLED && error.unwrap().contains("baking") && !output.exists());
 }
 
 #[test]
