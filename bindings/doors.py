@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The same job through every door: command, Python, JavaScript, C, viewer. All write the same bytes and the same report.
+"""The same job through every interface: command, Python, JavaScript, C, viewer. All give the same bytes and report.
 
-The job makes a scene lighter that has a palette of more than 4 million pixels, instances and a skin, and bakes normals.
+The job simplifies a scene with a palette of more than 4 million pixels, instances and a skin, and bakes normals.
 
 usage: doors.py --command PROGRAM [--python INTERPRETER] [--js FOLDER] [--c PROGRAM] [--viewer PROGRAM]
 
-PYTHON has the package, FOLDER has `node_modules/lodsmith`, the C program is `examples/file_job`, the one of the viewer is
-the example `export` of lodsmith-viewer. Doors that are not named are left out, which is said.
+INTERPRETER has the package, FOLDER has `node_modules/lodsmith`; the C program is `examples/file_job`, the program of
+the viewer is the example `export` of lodsmith-viewer. Interfaces that are not given are skipped, with a message.
 """
 
 import argparse
@@ -26,7 +26,7 @@ SIDE, CELLS = 2304, 4
 
 
 def png():
-    """A palette as PNG: squares of one colour."""
+    """Return a palette as PNG: squares of plain colours."""
     rows = []
     for cell in range(CELLS):
         pixels = b"".join(
@@ -43,7 +43,7 @@ def png():
 
 
 class Scene:
-    """A GLB file in the making."""
+    """A GLB file under construction."""
 
     def __init__(self):
         self.bin, self.views, self.accessors = bytearray(), [], []
@@ -81,7 +81,7 @@ class Scene:
 
 
 def grid(columns, rows, point):
-    """Points of a grid and its triangles."""
+    """Return the points and triangles of a grid."""
     places = [point(i / columns, j / rows) for j in range(rows + 1) for i in range(columns + 1)]
     triangles = []
     for j in range(rows):
@@ -188,7 +188,7 @@ def of_viewer(args, scene, out):
 
 
 def comparable(report):
-    """A report without times, paths, and what is known of files alone."""
+    """Return a report without times, paths, and keys that only reports of files have."""
     for key in ("seconds", "threads"):
         report.pop(key, None)
     for end in ("input", "output"):
@@ -205,28 +205,28 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         scene = str(pathlib.Path(folder, "scene.glb"))
         make_scene(scene)
-        wanted = None
+        expected = None
         for name, door in (("command", of_command), ("python", of_python), ("js", of_js), ("c", of_c), ("viewer", of_viewer)):
             if getattr(args, name) is None:
-                print(f"SKIPPED doors: {name} is not here")
+                print(f"SKIPPED doors: {name} is not given")
                 continue
             out = pathlib.Path(folder, f"{name}.glb")
             report = comparable(door(args, scene, str(out)))
             got = out.read_bytes()
-            if wanted is None:
-                wanted = got, report
+            if expected is None:
+                expected = got, report
                 if not report["reached"] or report["output"]["faces"] >= report["input"]["faces"]:
                     sys.exit(f"the job of the command did nothing: {report}")
-            if got != wanted[0]:
-                sys.exit(f"{name}: other bytes than those of the command")
-            # The viewer knows the run alone.
-            differences = [key for key in report if report[key] != wanted[1].get(key)]
+            if got != expected[0]:
+                sys.exit(f"{name}: the bytes differ from the command")
+            # The viewer only reports the run.
+            differences = [key for key in report if report[key] != expected[1].get(key)]
             if name != "viewer":
-                differences += [key for key in wanted[1] if key not in report]
+                differences += [key for key in expected[1] if key not in report]
             if differences:
                 key = differences[0]
-                sys.exit(f"{name}: another report than the command: {key}: {report.get(key)} is not {wanted[1].get(key)}")
-            print(f"{name}: the same {len(got)} bytes and report")
+                sys.exit(f"{name}: the report differs from the command: {key}: {report.get(key)} is not {expected[1].get(key)}")
+            print(f"{name}: same {len(got)} bytes and report")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""Times and errors of this package and of others, and the time that Python adds to the engine.
+"""Times and errors of this package and of others, and the overhead of Python over the engine.
 
 Usage: python bench.py overhead [--rust PROGRAM]     one million triangles, arrays of several types
-       python bench.py rivals [--ratio R] FILE...    time, error (judged by lodsmith.compare), attributes kept
+       python bench.py rivals [--ratio R] FILE...    time, error (measured by lodsmith.compare), kept attributes
 """
 
 import argparse
@@ -15,7 +15,7 @@ import numpy as np
 
 
 def timed(work, repeats, clock=time.perf_counter):
-    """The least time of several runs, and the last result."""
+    """Return the shortest time of several runs, and the last result."""
     times = []
     for _ in range(repeats):
         begin = clock()
@@ -26,12 +26,12 @@ def timed(work, repeats, clock=time.perf_counter):
 
 def overhead(args):
     ball = lodsmith.icosphere(8)
-    print(f"{len(ball.faces)} triangles to a tenth, least of {args.repeats} runs")
-    # The kinds take turns, so that another load on the machine meets all of them.
+    print(f"{len(ball.faces)} triangles to a tenth, shortest of {args.repeats} runs")
+    # The kinds take turns, so that other load on the machine affects all of them.
     times = {}
     for _ in range(args.repeats):
         if args.rust:
-            # The example prints the seconds of a run of the library alone, on the same ball.
+            # The example prints the seconds of a run of the library without Python, on the same mesh.
             out = subprocess.run([args.rust, "1"], capture_output=True, text=True, check=True).stdout
             times.setdefault("Rust", []).append(float(out))
         for vertices in (np.float64, np.float32):

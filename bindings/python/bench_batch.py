@@ -1,9 +1,9 @@
-"""Many assets through lodsmith.batch and through the plain command: throughput, a killed worker, the same bytes.
+"""Many assets with lodsmith.batch and with the command: throughput, a killed worker, identical bytes.
 
 Usage: python bench_batch.py make FOLDER [--count N] [--seed N]     assets made from the models in testdata
-       python bench_batch.py plain FOLDER OUT --program LODSMITH    one command for each asset, as many at once as cores
+       python bench_batch.py plain FOLDER OUT --program LODSMITH    one command per asset, in parallel on all cores
        python bench_batch.py batch FOLDER OUT [--kill]              Ray Data; with --kill a worker is killed in the middle
-       python bench_batch.py same OUT OTHER                         whether two outputs have the same files and bytes
+       python bench_batch.py same OUT OTHER                         compares the files and bytes of two outputs
 """
 
 import argparse
@@ -25,7 +25,7 @@ LEVELS = [0.5, 0.25, 0.1]
 
 
 def make(folder, count, seed=1, bad=0):
-    """Write assets: models of testdata bent at random, in three formats and folders; the last ``bad`` are cut off."""
+    """Write assets: randomly bent models of testdata, in three formats and folders; the last ``bad`` are truncated."""
     finial = lodsmith.load(TESTDATA / "finial.ply")
     bases = [finial, lodsmith.simplify(finial, faces=6000), lodsmith.simplify(finial, faces=3000)]
     with warnings.catch_warnings():
@@ -52,7 +52,7 @@ def make(folder, count, seed=1, bad=0):
 
 
 def plain(folder, out, program, words, cores):
-    """Run one command for each asset; returns the names of those that failed."""
+    """Run one command for each asset; return the names of failed assets."""
     names = sorted(str(path.relative_to(folder)) for path in pathlib.Path(folder).rglob("*.*") if path.is_file())
 
     def one(name):
@@ -65,7 +65,7 @@ def plain(folder, out, program, words, cores):
 
 
 def workers():
-    """The processes of Ray's workers that this process started, directly or not."""
+    """Return the worker processes of Ray that this process started, directly or indirectly."""
     parents, found = {}, []
     for entry in pathlib.Path("/proc").iterdir():
         try:
@@ -85,7 +85,7 @@ def workers():
 
 
 class Killer(threading.Thread):
-    """Kills a worker as soon as so many assets are complete; ``at`` is how many were."""
+    """Kills a worker when ``after`` assets are complete; ``at`` is the number of complete assets then."""
 
     def __init__(self, out, after):
         super().__init__(daemon=True)
@@ -102,7 +102,7 @@ class Killer(threading.Thread):
 
 
 def files(folder):
-    """The contents of all files in a folder but what a batch remembers and its report."""
+    """Return the contents of all files in a folder, without the records and the report of a batch."""
     folder = pathlib.Path(folder)
     paths = [path for path in folder.rglob("*") if path.is_file() and ".lodsmith" not in path.parts]
     return {str(path.relative_to(folder)): path.read_bytes() for path in paths if path.name != "report.parquet"}

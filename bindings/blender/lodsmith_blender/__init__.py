@@ -20,7 +20,7 @@ class OBJECT_OT_lodsmith(bpy.types.Operator):
         items=[
             ("RATIO", "Ratio", "Keep this fraction of the triangles"),
             ("FACES", "Faces", "Keep this number of triangles of each mesh"),
-            ("ERROR", "Error", "Keep as many triangles as this largest distance needs"),
+            ("ERROR", "Error", "Keep as many triangles as a largest distance requires"),
         ],
         default="RATIO",
     )
@@ -37,10 +37,10 @@ class OBJECT_OT_lodsmith(bpy.types.Operator):
     preset: EnumProperty(
         name="Preset",
         items=[
-            ("auto", "Automatic", "Options that suit the mesh"),
+            ("auto", "Automatic", "Smallest distance from the original"),
             ("scan", "Scan", "Scanned surfaces"),
             ("cad", "CAD", "Flat and ruled surfaces with sharp edges"),
-            ("visual", "Visual", "Models that are looked at: normals and texture count more"),
+            ("visual", "Visual", "Best appearance: more weight on normals"),
             ("print", "Print", "Closed surfaces for 3D printing"),
         ],
         default="auto",
@@ -80,16 +80,16 @@ class OBJECT_OT_lodsmith(bpy.types.Operator):
         changed = 0
         for mesh, objects in by_mesh.items():
             if mesh.library is not None or any(not o.is_editable for o in objects):
-                self.report({"WARNING"}, f"{objects[0].name}: is linked from another file, and was not changed")
+                self.report({"WARNING"}, f"{objects[0].name}: not changed, because it is linked from another file")
                 continue
-            with warnings.catch_warnings(record=True) as told:
+            with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 try:
                     counts = transfer.simplify(objects, self.engine_options())
                 except ValueError as error:
                     self.report({"ERROR"}, f"{objects[0].name}: {error}")
                     continue
-            for warning in told:
+            for warning in caught:
                 self.report({"WARNING"}, f"{objects[0].name}: {warning.message}")
             before, after, changed = before + counts[0], after + counts[1], changed + 1
         if not changed:

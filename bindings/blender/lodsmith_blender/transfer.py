@@ -1,7 +1,7 @@
-"""Meshes of Blender as arrays for the engine, and back.
+"""Conversion of Blender meshes to arrays for the engine, and back.
 
-A row of the arrays is a vertex with one set of values of its corners: texture coordinates, normals, colours. Vertices
-whose corners differ have several rows with one place (``vertex_map``), which is how the engine sees seams.
+A row of the arrays is a vertex with one set of corner values: texture coordinates, normals, colours. Vertices whose
+corners differ have several rows with the same vertex in ``vertex_map``, which the engine treats as seams.
 """
 
 import warnings
@@ -11,7 +11,7 @@ import bpy
 import lodsmith
 import numpy as np
 
-#: Values of attributes that are blended, by their types: width, and the property that holds them.
+#: Types of attributes that are interpolated: width, and the property with the values.
 FLOATS = {
     "FLOAT": (1, "value"),
     "FLOAT2": (2, "vector"),
@@ -19,14 +19,14 @@ FLOATS = {
     "FLOAT_COLOR": (4, "color"),
     "BYTE_COLOR": (4, "color"),
 }
-#: Labels, which are not blended.
+#: Types of labels, which are not interpolated.
 LABELS = {"INT": "value", "INT8": "value", "BOOLEAN": "value"}
-#: Attributes that Blender makes itself, or that are carried in another way.
+#: Attributes that Blender makes itself, or that are converted in another way.
 OWN = ("position", "material_index", "sharp_face", "sharp_edge", "custom_normal", "uv_seam")
 
 
 def simplify(objects, options):
-    """Simplify the mesh that objects share, and give them the result; return the triangles before and after."""
+    """Simplify the mesh that objects share, and assign the result; return the numbers of triangles before and after."""
     given = objects[0].data
     source = Arrays(given, objects[0])
     if len(source.triangles) == 0:
@@ -53,7 +53,7 @@ def _column(collection, name, count, width, kind):
 
 
 class Arrays:
-    """The arrays of a mesh, with what it takes to build one like it."""
+    """The arrays of a mesh, with all data that are needed to build a similar mesh."""
 
     def __init__(self, mesh, of):
         self.given = mesh
@@ -77,7 +77,7 @@ class Arrays:
         mesh = self.given
         if mesh.has_custom_normals:
             return True
-        # Edges that are marked, and flat faces among smooth ones, are creases.
+        # Marked edges, and edges of flat faces next to smooth faces, are creases.
         return mesh.normals_domain == "CORNER"
 
     def _take_attributes(self):
@@ -95,13 +95,13 @@ class Arrays:
                 store[a.name] = (a.data_type, _column(a.data, "value", len(a.data), 1, np.int32))
         if self.has_normals:
             normals = _column(mesh.corner_normals, "vector", len(mesh.loops), 3, np.float32)
-            # Corners that share a normal do so up to rounding.
+            # Equal normals may differ by rounding.
             self.corners["normals"] = ("NORMAL", np.round(normals, 4) + np.float32(0))
         if lost:
             warnings.warn(f"attributes of edges and faces are not kept: {', '.join(lost)}", stacklevel=3)
 
     def _vertex_groups(self, of):
-        # (Of each group its name, and whether its weights are locked.)
+        # (For each group, its name and whether its weights are locked.)
         groups = [(g.name, g.lock_weight) for g in of.vertex_groups]
         self.active_group = of.vertex_groups.active_index
         weights = np.zeros((self.count, len(groups)), np.float32)
@@ -114,7 +114,7 @@ class Arrays:
 
     def mesh(self):
         """Return the mesh for the engine."""
-        # One row for each vertex and set of values of its corners.
+        # One row for each vertex and set of corner values.
         columns = [self.vertex_of_corner[:, None]]
         columns += [values.view(np.int32) for _, values in self.corners.values()]
         table = np.ascontiguousarray(np.concatenate(columns, axis=1))
@@ -148,7 +148,7 @@ class Arrays:
         return lodsmith.Mesh(self.positions[vertex_of_row], row_of_corner[self.triangles], attributes)
 
     def _regions(self):
-        """Return a number for each triangle: of its material, and whether it is flat."""
+        """Return a number for each triangle, from its material and whether it is flat."""
         mesh = self.given
         material = _column(mesh.polygons, "material_index", len(mesh.polygons), 1, np.int32)[:, 0]
         smooth = _column(mesh.polygons, "use_smooth", len(mesh.polygons), 1, np.bool_)[:, 0]
@@ -157,7 +157,7 @@ class Arrays:
         return region.reshape(-1)[self.polygons]
 
     def build(self, made):
-        """Return a mesh of Blender like the given one, with the triangles of a result."""
+        """Return a Blender mesh like the given one, with the triangles of a result."""
         given = self.given
         mesh = bpy.data.meshes.new(given.name)
         place = np.arange(len(made.vertices)) if made.vertex_map is None else np.asarray(made.vertex_map)
@@ -228,7 +228,7 @@ class Arrays:
 
     @staticmethod
     def _differs(mesh, edges, values, by):
-        """Return for each edge whether its faces differ in values at an end by more than rounding or blending."""
+        """Return for each edge whether values at an end differ between its faces by more than rounding or blending."""
         ends = _column(mesh.loops, "vertex_index", len(mesh.loops), 1, np.int32)[:, 0].reshape(-1, 3)
         edge_of_corner = _column(mesh.loops, "edge_index", len(mesh.loops), 1, np.int32)[:, 0].reshape(-1, 3)
         corner = np.arange(ends.size).reshape(-1, 3)
@@ -244,9 +244,9 @@ class Arrays:
         return found
 
     def restore_groups(self, of, made):
-        """Make the vertex groups of the object's new mesh, with their weights.
+        """Restore the vertex groups of the new mesh of an object, with their weights.
 
-        Their names are on the mesh, so each object that shares it has them.
+        The mesh stores their names, so all objects that share it have them.
         """
         if not self.groups:
             return
@@ -264,7 +264,7 @@ class Arrays:
         edit.free()
 
     def restore_keys(self, of, made):
-        """Make the shape keys of the object's new mesh, with their values and their animation."""
+        """Restore the shape keys of the new mesh of an object, with their values and their animation."""
         positions = np.asarray(made.vertices, np.float32)[self.row_of_vertex]
         old = self.given.shape_keys
         for i, key in enumerate(self.keys):

@@ -1,4 +1,4 @@
-"""The add-on in Blender's own module bpy: `pip install bpy lodsmith pytest`, then `pytest bindings/blender/tests`."""
+"""The add-on in the Blender module bpy: `pip install bpy lodsmith pytest`, then `pytest bindings/blender/tests`."""
 
 import pathlib
 import sys
@@ -21,7 +21,7 @@ def scene():
 
 
 def sheet(name="sheet", n=40, size=1.0):
-    """A sheet of waves with texture coordinates, two materials, vertex groups, colours and shape keys."""
+    """A wavy sheet with texture coordinates, two materials, vertex groups, colours and shape keys."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=n, y_subdivisions=n, size=2 * size)
     o = bpy.context.object
     o.name = o.data.name = name
@@ -64,7 +64,7 @@ def positions(mesh):
     return co.reshape(-1, 3)
 
 
-def test_everything_of_a_mesh_comes_along():
+def test_all_data_of_a_mesh_are_kept():
     o = sheet()
     before = 2 * len(o.data.polygons)
     select(o)
@@ -111,7 +111,7 @@ def test_a_seam_stays_a_seam():
     select(o)
     bpy.ops.object.lodsmith(ratio=0.2)
     mesh = o.data
-    # Closed, as before: a seam of the texture is no cut of the surface.
+    # Still closed: a seam of the texture does not cut the surface.
     assert len(mesh.vertices) - len(mesh.edges) + len(mesh.polygons) == 2
     assert any(e.use_seam for e in mesh.edges)
     for p in mesh.polygons:
@@ -171,7 +171,7 @@ def test_a_mesh_without_faces_is_an_error_and_stays():
     assert o.data is mesh and len(mesh.edges) == 1
 
 
-def test_the_menu_and_the_operator_are_there_and_go():
+def test_the_menu_and_the_operator_are_registered_and_removed():
     assert hasattr(bpy.types, "OBJECT_OT_lodsmith")
     assert bpy.ops.object.lodsmith.poll() is False
     select(sheet())
@@ -192,7 +192,7 @@ def test_vertex_groups_keep_their_names_locks_and_order():
     for each in (o, twin):
         assert [(g.name, g.lock_weight) for g in each.vertex_groups] == [("right half", False), ("empty", True), ("left half", False)]
         assert each.vertex_groups.active_index == 2
-    # The weights are those of the groups with these names.
+    # Each group has its own weights.
     for v in o.data.vertices:
         weights = {o.vertex_groups[g.group].name: g.weight for g in v.groups}
         assert "empty" not in weights
@@ -212,15 +212,15 @@ def test_a_rig_deforms_and_masks_apply_afterwards():
     lift.vertex_group, lift.direction, lift.mid_level = "right half", "X", 0.0
     select(o)
     bpy.ops.object.lodsmith(ratio=0.1)
-    # The bone points up; along it is up in the world.
+    # The bone points up, so its direction is up in the world.
     rig.pose.bones["right half"].location = (0.0, 2.0, 0.0)
     evaluated = o.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-    # (The armature's groups are shares: a vertex of weight 0 stays, any other follows its only bone.)
+    # (Weights of an armature are normalised: a vertex of weight 0 stays, any other follows its only bone.)
     rest = np.array([v.co[:] for v in o.data.vertices])
     raised = np.array([k.co[:] for k in o.data.shape_keys.key_blocks["raised"].data])
     rest = rest + 0.25 * (raised - rest)
     moved = np.array([v.co[:] for v in evaluated.vertices]) - rest
     weight = np.array([sum(g.weight for g in v.groups) for v in o.data.vertices])
     assert np.abs(moved[weight > 0.1][:, 2] - 2).max() < 1e-4
-    # Without its group the other modifier moves all alike.
+    # Without its group, the other modifier would move all vertices.
     assert np.abs(moved[:, 0] - weight * lift.strength).max() < 1e-4

@@ -1,8 +1,8 @@
-"""Levels of detail for all models of a folder on a Ray cluster, and what became of them.
+"""Levels of detail for all models of a folder on a Ray cluster, with a table of the results.
 
     python ray_batch.py IN OUT
 
-IN and OUT are folders that all machines of the cluster reach, such as s3://bucket/models.
+IN and OUT are folders that all machines of the cluster can access, such as s3://bucket/models.
 """
 
 import sys

@@ -1,4 +1,4 @@
-//! NumPy arrays in and out: borrowed where they have the layout of a mesh, moved where a mesh gives its buffers away.
+//! NumPy arrays: inputs are borrowed if they have the layout of a mesh; buffers of results are moved, not copied.
 
 use std::borrow::Cow;
 
@@ -74,12 +74,12 @@ impl<'py> FaceArray<'py> {
             .map_err(|_| PyTypeError::new_err("faces: int32, uint32 or int64 is expected"))
     }
 
-    /// Borrows the triangles; those of 64 bits are converted. `count` is the number of vertices.
+    /// Borrows the triangles; 64-bit indices are converted. `count` is the number of vertices.
     fn triangles(&self, py: Python<'_>, count: usize) -> PyResult<Cow<'_, [[VertexId; 3]]>> {
         match self {
             Self::I32(array) => {
                 let triangles = rows::<i32, 3>(array.as_slice()?, array.shape(), "faces")?;
-                // A negative number is above every count of vertices that a mesh may have.
+                // A negative index becomes larger than any number of vertices.
                 if let Some((face, index)) = first_bad(triangles, i64::from, count) {
                     return Err(bad_face(py, face, index, count));
                 }
@@ -103,7 +103,7 @@ impl<'py> FaceArray<'py> {
     }
 }
 
-/// Returns the first face that names a vertex that does not exist, and the number.
+/// Returns the first face with a vertex that does not exist, and the index of the vertex.
 fn first_bad<T: Copy>(triangles: &[[T; 3]], wide: fn(T) -> i64, count: usize) -> Option<(usize, i64)> {
     let limit = i64::try_from(count).unwrap_or(i64::MAX).min(i64::from(u32::MAX));
     let is_bad = |i: &T| !(0..limit).contains(&wide(*i));
@@ -115,7 +115,7 @@ fn first_bad<T: Copy>(triangles: &[[T; 3]], wide: fn(T) -> i64, count: usize) ->
     triangle.iter().find(|i| is_bad(i)).map(|i| (chunk + face, wide(*i)))
 }
 
-/// The arrays of a mesh, as the Python side has prepared them: contiguous, of the expected types.
+/// The arrays of a mesh, as prepared by the Python code: contiguous, of the expected types.
 #[derive(FromPyObject)]
 pub(crate) struct MeshArrays<'py> {
     vertices: Bound<'py, PyAny>,
@@ -129,7 +129,7 @@ pub(crate) struct MeshArrays<'py> {
     attributes: Bound<'py, PyDict>,
 }
 
-/// Arrays with their types known.
+/// Arrays with known types.
 pub(crate) struct TypedArrays<'py> {
     pub(crate) vertices: VertexArray<'py>,
     pub(crate) faces: FaceArray<'py>,
@@ -141,7 +141,7 @@ impl<'py> MeshArrays<'py> {
         Ok(TypedArrays { vertices: VertexArray::of(&self.vertices)?, faces: FaceArray::of(&self.faces)? })
     }
 
-    /// Returns true if there is nothing but positions and triangles.
+    /// Returns true if there are only positions and triangles.
     pub(crate) fn is_bare(&self) -> bool {
         let none = self.normals.is_none() && self.uvs.is_none() && self.colors.is_none();
         none && self.regions.is_none() && self.vertex_map.is_none() && self.attributes.is_empty()
@@ -221,7 +221,7 @@ impl TypedArrays<'_> {
     }
 }
 
-/// Positions and triangles of arrays that are borrowed, or whose triangles were converted.
+/// Positions and triangles: borrowed, or with converted triangles.
 pub(crate) struct OwnedOrBorrowed<'a> {
     view: PositionsView<'a>,
     triangles: Cow<'a, [[VertexId; 3]]>,
@@ -234,12 +234,12 @@ impl OwnedOrBorrowed<'_> {
     }
 }
 
-/// Returns the position of each vertex: that of its first wedge.
+/// Returns the position of each vertex, which is the position of its first wedge.
 fn by_vertex(of_wedge: PositionsView<'_>, map: &[u32]) -> PyResult<Positions> {
     fn first<T: Copy>(of_wedge: &[[T; 3]], map: &[u32], zero: T) -> PyResult<Vec<[T; 3]>> {
         let count = map.iter().max().map_or(0, |v| *v as usize + 1);
         if count > map.len() {
-            let text = format!("vertex_map: names vertex {}, but there are {} rows", count - 1, map.len());
+            let text = format!("vertex_map: has vertex {}, but there are {} rows", count - 1, map.len());
             return Err(PyValueError::new_err(text));
         }
         let mut positions = vec![[zero; 3]; count];

@@ -1,4 +1,4 @@
-//! Jobs on whole files, as the command does them: with the same options and the same bytes.
+//! Jobs on whole files, with the same options and the same bytes as the command.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,11 +19,11 @@ use crate::errors::text_of;
 use crate::json::{options_of_python, to_python};
 use crate::picture::pixels_array;
 
-/// State that a job and the thread that called it share.
+/// State that a job shares with the calling thread.
 #[derive(Default)]
 struct SharedState {
     is_cancelled: AtomicBool,
-    /// Bits of the fraction done; for numbers from 0 up their order is that of the numbers.
+    /// Bits of the fraction done; for non-negative numbers, bits are ordered like the numbers.
     done: AtomicU64,
 }
 
@@ -65,8 +65,8 @@ impl Watch for FileWatch {
     }
 }
 
-/// Does a job; returns the exit status that the command would have, the report, warnings, errors, and the pixels of a
-/// picture that is not written.
+/// Does a job; returns the exit status of the command, the report, warnings, errors, and the pixels of an image that
+/// is not written.
 #[pyfunction]
 pub(crate) fn run_job<'py>(
     py: Python<'py>,
@@ -112,7 +112,7 @@ fn verb_of(name: &str) -> PyResult<Verb> {
     verb.ok_or_else(|| PyRuntimeError::new_err("there is no such job"))
 }
 
-/// Does a job in threads of its own; signals and progress are looked at by the calling thread.
+/// Does a job in separate threads; the calling thread checks signals and reports progress.
 fn answer(
     request: &Request,
     inputs: &[Source],

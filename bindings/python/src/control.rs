@@ -1,5 +1,5 @@
-//! Runs of the engine: they work in threads of their own, while the thread that called looks at signals and reports
-//! progress. The interpreter lock is taken for that only, a few times a second.
+//! Runs of the engine: they use separate threads, while the calling thread checks signals and reports progress. The
+//! interpreter lock is held only for that, a few times a second.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -11,10 +11,10 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Time between two looks at signals. (Guessed: too short to be felt.)
-const LOOK: Duration = Duration::from_millis(50);
+/// Time between two checks for signals. (Guessed: too short to be noticed.)
+const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The stages, each with its begin and end in the progress of a run. Guessed from runs on scans.
+/// The stages, each with its start and end in the progress of a run. (Guessed from runs on scans.)
 const STAGES: [(Stage, f64, f64); 4] = [
     (Stage::Prepare, 0.0, 0.1),
     (Stage::Collapse, 0.1, 0.65),
@@ -25,8 +25,8 @@ const STAGES: [(Stage, f64, f64); 4] = [
 /// The threads, and the process that they belong to.
 static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
-/// Returns the threads of this process. Those of a parent do not live on in a fork, so a child gets its own; rayon's
-/// global pool would wait for ever there.
+/// Returns the threads of this process. The threads of a parent do not exist in a fork, so a child gets its own; the
+/// global pool of rayon would wait forever there.
 fn pool() -> PyResult<Arc<ThreadPool>> {
     let process = std::process::id();
     let mut made = POOL.lock().unwrap_or_else(PoisonError::into_inner);
@@ -36,23 +36,23 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
     let pool = ThreadPoolBuilder::new().build().map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
     let pool = Arc::new(pool);
     if let Some(of_parent) = made.replace((process, pool.clone())) {
-        // Nobody is there to answer its end.
+        // Its threads do not exist here, so that dropping it would wait forever.
         std::mem::forget(of_parent);
     }
     Ok(pool)
 }
 
-/// State that a run and the thread that called it share.
+/// State that a run shares with the calling thread.
 #[derive(Default)]
 struct SharedState {
     is_cancelled: AtomicBool,
-    /// Bits of the fraction done; for numbers from 0 up their order is that of the numbers.
+    /// Bits of the fraction done; for non-negative numbers, bits are ordered like the numbers.
     done: AtomicU64,
     /// Index of the stage.
     stage: AtomicU8,
 }
 
-/// The engine's side of a run.
+/// The control of a run, used by the engine.
 pub(crate) struct WatchedRun {
     shared: Arc<SharedState>,
     deadline: Option<Instant>,
@@ -66,7 +66,7 @@ impl Control for WatchedRun {
 
     fn progress(&mut self, done: f64) -> Verdict {
         let (_, from, to) = STAGES[usize::from(self.shared.stage.load(Ordering::Relaxed))];
-        // Runs may follow each other; the whole never goes back.
+        // Several runs may follow each other; the progress of all never decreases.
         let done = from + (to - from) * done.clamp(0.0, 1.0);
         self.shared.done.fetch_max(done.to_bits(), Ordering::Relaxed);
         if self.shared.is_cancelled.load(Ordering::Relaxed) {
@@ -89,8 +89,8 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// Does work in threads of the engine, and watches it from this one. A signal or an exception of the progress
-    /// function cancels it.
+    /// Does work in threads of the engine while this thread waits. A signal or an exception of the progress function
+    /// cancels it.
     pub(crate) fn run<T: Send>(
         &self,
         py: Python<'_>,
@@ -98,7 +98,7 @@ impl Watch {
     ) -> PyResult<T> {
         let pool = pool()?;
         let shared = Arc::new(SharedState::default());
-        // A year is for ever, and does not overflow a clock.
+        // Limited to a year, which does not overflow a clock.
         let limit = self.time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
         let mut run = WatchedRun { shared: shared.clone(), deadline: limit.map(|d| Instant::now() + d) };
         py.detach(|| {
@@ -125,19 +125,19 @@ pub(crate) fn wait<T>(
 ) -> PyResult<T> {
     let mut raised = None;
     loop {
-        match receive.recv_timeout(LOOK) {
+        match receive.recv_timeout(CHECK_INTERVAL) {
             Ok(outcome) => return raised.map_or(Ok(outcome), Err),
-            // A panic of the work is passed on by its scope.
+            // The scope passes on a panic of the work.
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(PyRuntimeError::new_err("the run did not come to an end"));
+                return Err(PyRuntimeError::new_err("the run ended without a result"));
             }
             Err(RecvTimeoutError::Timeout) if raised.is_some() => {}
             Err(RecvTimeoutError::Timeout) => {
-                let looked = Python::attach(|py| {
+                let checked = Python::attach(|py| {
                     py.check_signals()?;
                     progress.map_or(Ok(()), |f| f.call1(py, state()).map(drop))
                 });
-                if let Err(error) = looked {
+                if let Err(error) = checked {
                     cancel();
                     raised = Some(error);
                 }

@@ -24,7 +24,7 @@ pub(crate) fn mesh_error(py: Python<'_>, error: &MeshError) -> PyErr {
     }
 }
 
-/// Returns the exception for a face that names a vertex that does not exist.
+/// Returns the exception for a face with a vertex that does not exist.
 pub(crate) fn bad_face(py: Python<'_>, face: usize, index: i64, count: usize) -> PyErr {
     let text = format!("face {face} uses vertex {index}, but the mesh has {count}");
     invalid(py, &text, Some((face, index)))
@@ -45,7 +45,7 @@ fn invalid(py: Python<'_>, text: &str, at: Option<(usize, i64)>) -> PyErr {
     }
 }
 
-/// Returns the exception for a run that failed; names of options are those of keywords.
+/// Returns the exception for a run that failed, with options spelled as keywords.
 pub(crate) fn run_error(py: Python<'_>, error: SimplifyError) -> PyErr {
     let text = error.to_string();
     match error {
@@ -70,16 +70,16 @@ pub(crate) fn spelled(text: &str) -> String {
     Spelling::Keyword.apply(text)
 }
 
-/// Replaces names of options of the engine by their keywords.
+/// Replaces names of options of the engine with their keywords.
 pub(crate) fn with_keywords(mut text: String) -> String {
     for option in by_name::OPTIONS.iter().filter(|o| o.name.contains('-')) {
-        // `lindstrom-turk` and its like stay: they are values.
+        // Values such as `lindstrom-turk` are not changed.
         text = text.replace(option.name, &option.name.replace('-', "_"));
     }
     text
 }
 
-/// Returns the text of an error; names of options are those of keywords.
+/// Returns the text of an error, with options spelled as keywords.
 pub(crate) fn text_of(error: &AssetError) -> String {
     match error {
         AssetError::Input { path, problem } => format!("{path}: {}", text_of(problem)),

@@ -13,7 +13,7 @@ use crate::arrays::{MeshArrays, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, spelled};
 
-/// Share of the memory of the machine that a file may take, as in the command.
+/// Share of the memory of the machine that a file may use, as in the command.
 const MEMORY_SHARE: f64 = 0.75;
 
 /// Descriptions of the regions of a mesh that was read: materials, groups, their files.
@@ -55,7 +55,7 @@ pub(crate) fn load<'py>(
     if let Some(memory) = machine::memory_limit() {
         options.limits.memory = (memory as f64 * MEMORY_SHARE) as u64;
     }
-    // The operating system's own exceptions, such as FileNotFoundError.
+    // Raises exceptions of the operating system, such as FileNotFoundError.
     std::fs::File::open(&path).map_err(|e| os_error(py, &e, &path))?;
     let loaded = Watch::default().run(py, |_| lodsmith_io::read_path(&path, &options))?;
     let loaded = loaded.map_err(|e| empty_mesh(py, &spelled(&e.to_string())))?;
@@ -92,7 +92,7 @@ pub(crate) struct WriteKeywords {
     materials: Option<Py<Materials>>,
 }
 
-/// Writes a mesh; returns warnings on what the format cannot hold.
+/// Writes a mesh; returns warnings about data that the format cannot store.
 #[pyfunction]
 pub(crate) fn save<'py>(
     py: Python<'py>,
@@ -111,7 +111,7 @@ pub(crate) fn save<'py>(
     let mesh = mesh.mesh(py)?;
     let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;
     let failed = |e: WriteError| {
-        // (The keyword has another name than the option.)
+        // (The keyword and the option have different names.)
         let text = spelled(&e.to_string().replace("--to", "format="));
         PyOSError::new_err(match e {
             WriteError::Io { .. } | WriteError::UnknownFormat { .. } => text,

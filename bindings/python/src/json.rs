@@ -1,4 +1,4 @@
-//! JSON values as Python's own types, and back.
+//! Conversion of JSON values to Python types, and back.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList, PyMapping};
 use serde_json::{Map, Number, Value};
 
-/// Converts a JSON value to Python's own types.
+/// Converts a JSON value to Python types.
 pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::Null => py.None().into_bound(py),
@@ -43,7 +43,7 @@ pub(crate) fn options_of_python(given: &Bound<'_, PyDict>) -> PyResult<Map<Strin
     given.iter().map(one).collect()
 }
 
-/// Converts a value of Python's own types, of NumPy, or a path to JSON.
+/// Converts a value of a Python type, a NumPy value or a path to JSON.
 fn of_python(any: &Bound<'_, PyAny>) -> PyResult<Value> {
     Ok(if any.is_none() {
         Value::Null
@@ -62,7 +62,7 @@ fn of_python(any: &Bound<'_, PyAny>) -> PyResult<Value> {
     {
         n.into()
     } else if let Ok(x) = any.extract::<f64>() {
-        // JSON has no NaN: as a text it is a wrong value of any option.
+        // JSON has no NaN: as a text, it is an invalid value for every option.
         Number::from_f64(x).map_or_else(|| x.to_string().into(), Value::Number)
     } else if let Ok(path) = any.extract::<PathBuf>() {
         path.to_string_lossy().into()

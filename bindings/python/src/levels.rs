@@ -54,7 +54,7 @@ fn lengths(texts: &[String]) -> PyResult<Vec<Length>> {
     texts.iter().map(length).collect()
 }
 
-/// Makes levels of detail, each with its switching distance, and positions on the next level if asked for.
+/// Makes levels of detail, each with its switching distance, and with positions on the next level if requested.
 #[pyfunction]
 pub(crate) fn lod<'py>(
     py: Python<'py>,
@@ -64,12 +64,12 @@ pub(crate) fn lod<'py>(
 ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyList>)> {
     let mut options = LodOptions::new(levels.levels()?);
     options.simplify = keywords.options()?;
-    // Switching distances are no more accurate than the errors that they are computed from.
+    // Switching distances are computed from measured errors.
     options.simplify.measure = Measure::Always;
     options.geomorph = levels.geomorph;
     let (fov, height, pixels) = levels.screen;
     let screen = Screen::new(fov, height, pixels).ok_or_else(|| {
-        PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0")
+        PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0 are expected")
     })?;
     let (mesh, data) = (mesh.mesh(py)?, keywords.data()?);
     let input = Input::new(&mesh).with(data.view());
@@ -145,7 +145,7 @@ impl ProgressiveMesh {
         let mesh = self.lock();
         let by_count = [faces.map(|n| mesh.level_of_faces(n)), vertices.map(|n| mesh.level_of_vertices(n))];
         let counts = by_count.into_iter().flatten().min();
-        // The first one met on the way down.
+        // The finest level that meets one of the targets.
         [counts, error.map(|e| mesh.level_of_error(e))].into_iter().flatten().max().unwrap_or(mesh.top())
     }
 

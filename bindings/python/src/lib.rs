@@ -1,5 +1,5 @@
-//! The extension module `lodsmith._lodsmith`: the libraries on NumPy arrays. The package `lodsmith` around it, in
-//! Python, has the functions for users, with their documentation.
+//! The extension module `lodsmith._lodsmith`: the libraries for NumPy arrays. The Python package `lodsmith` around it
+//! has the functions for users, with their documentation.
 
 mod arrays;
 mod command;

@@ -45,8 +45,7 @@ fn empty(py: Python<'_>, error: &MeasureError) -> PyErr {
     empty_mesh(py, &error.to_string())
 }
 
-/// Finds where each row of a result comes from on the original: a row of the original or -1, a face, and weights of its
-/// corners.
+/// Finds the source of each row of a result on the original: a row or -1, a face, and weights of its corners.
 #[pyfunction]
 pub(crate) fn source_map<'py>(
     py: Python<'py>,
@@ -56,7 +55,7 @@ pub(crate) fn source_map<'py>(
     let (original, result) = (original.mesh(py)?, result.mesh(py)?);
     let found = Watch::default().run(py, |_| {
         let found = correspondence(&original, &result)?;
-        // A face for the wedges that were kept, so that every row has one.
+        // Wedges that were kept get a face too, so that every row has one.
         let mut corner = vec![(u32::MAX, 0u8); original.wedge_count()];
         for (f, triangle) in original.triangles().iter().enumerate().rev() {
             for (k, w) in triangle.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Pictures of meshes, and pictures as arrays.
+//! Images of meshes, and images as arrays.
 
 use lodsmith::core::{Bounds, Image};
 use lodsmith_asset::AssetError;
@@ -16,8 +16,8 @@ use crate::control::Watch;
 use crate::errors::{empty_mesh, text_of};
 use crate::json::options_of_python;
 
-/// Draws a mesh with options of pictures of files; `heat` has a value for each vertex. Returns red, green, blue and alpha,
-/// rows from the top.
+/// Renders a mesh with the options of `render` for files; `heat` has a value for each vertex. Returns red, green, blue
+/// and alpha, rows from the top.
 #[pyfunction]
 pub(crate) fn render<'py>(
     py: Python<'py>,
@@ -40,7 +40,7 @@ pub(crate) fn render<'py>(
     };
     let shading = recipe.shading.unwrap_or(usual);
     if shading == Shading::Heat && heat.is_none() {
-        return Err(PyValueError::new_err("shading: heat needs the values of vertices: heat=…"));
+        return Err(PyValueError::new_err("shading: heat needs values at the vertices: heat=…"));
     }
     if let Some((r, g, b)) = color {
         recipe.look.surface = [r, g, b];
@@ -50,7 +50,7 @@ pub(crate) fn render<'py>(
     if let Some(values) = heat {
         subject = subject.with_values(vec![values]).map_err(wrong)?;
     }
-    let bounds = subject.bounds().ok_or_else(|| empty_mesh(py, "the mesh has no faces to draw"))?;
+    let bounds = subject.bounds().ok_or_else(|| empty_mesh(py, "the mesh has no faces to render"))?;
     let size = recipe.size(1);
     let camera = camera(&recipe.viewpoint, &bounds, size);
     let view = recipe.view(camera, size, shading, recipe.look.heat_range);
@@ -58,7 +58,7 @@ pub(crate) fn render<'py>(
     pixels_array(py, &picture)
 }
 
-/// Returns a camera that shows the whole box.
+/// Returns a camera that shows the whole bounding box.
 fn camera(viewpoint: &Viewpoint, bounds: &Bounds, [width, height]: [usize; 2]) -> Camera {
     let aspect = width as f64 / height as f64;
     let camera = Camera::fitting(bounds, viewpoint.view, aspect);
@@ -75,7 +75,7 @@ fn camera(viewpoint: &Viewpoint, bounds: &Bounds, [width, height]: [usize; 2]) -
     turned.framing(bounds, aspect)
 }
 
-/// Returns a picture as a PNG file.
+/// Returns an image as a PNG file.
 #[pyfunction]
 pub(crate) fn png<'py>(
     py: Python<'py>,
@@ -84,14 +84,14 @@ pub(crate) fn png<'py>(
     height: usize,
 ) -> PyResult<Bound<'py, PyBytes>> {
     if pixels.len() != 4 * width * height {
-        return Err(PyValueError::new_err("a picture has four bytes for each pixel"));
+        return Err(PyValueError::new_err("an image has four bytes for each pixel"));
     }
     let image = Image::new(width, height, pixels.as_chunks().0.to_vec());
     let bytes = encode(&image, PictureFormat::Png).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(PyBytes::new(py, &bytes))
 }
 
-/// Returns the pixels of a picture as an array of rows.
+/// Returns the pixels of an image as an array of rows.
 pub(crate) fn pixels_array<'py>(py: Python<'py>, picture: &Image) -> PyResult<Bound<'py, PyAny>> {
     let pixels = picture.pixels().as_flattened().to_vec();
     matrix(py, pixels, 4)?.call_method1("reshape", (picture.height(), picture.width(), 4))

@@ -1,11 +1,11 @@
-//! Reports that only this package has, as JSON.
+//! JSON reports that only this package has.
 
 use lodsmith::CleanReport;
 use lodsmith::core::measure::Comparison;
 use lodsmith_asset::report_json::both_ways;
 use serde_json::{Value, json};
 
-/// Returns a comparison.
+/// Returns a comparison as JSON.
 pub(crate) fn comparison(c: &Comparison) -> Value {
     json!({
         "hausdorff": both_ways(&c.hausdorff), "mean": both_ways(&c.mean), "rms": both_ways(&c.rms),

@@ -27,7 +27,7 @@ pub(crate) struct RunKeywords<'py> {
 }
 
 impl RunKeywords<'_> {
-    /// Converts the keywords to options of the engine; `None` stands for the default.
+    /// Converts the keywords to options of the engine; `None` means the default.
     pub(crate) fn options(&self) -> PyResult<SimplifyOptions> {
         let given = options_of_python(&self.options)?;
         let mut values = Vec::new();
@@ -38,7 +38,7 @@ impl RunKeywords<'_> {
         by_name::from_names(&values).map_err(|e| option_error(&e))
     }
 
-    /// Returns what the keywords say of vertices of the mesh.
+    /// Returns the locks and the importance of vertices.
     pub(crate) fn data(&self) -> PyResult<OwnedMeshData> {
         let mut data = OwnedMeshData::default();
         data.locked = self.locked.as_ref().map(|own| own.as_slice().map(<[bool]>::to_vec)).transpose()?;
@@ -59,7 +59,8 @@ impl RunKeywords<'_> {
     }
 }
 
-/// Returns the arrays, the report and the warnings of a result; `name` is what comes before a missed target.
+/// Returns the arrays, the report and the warnings of a result; `name` is the prefix of the warning about a missed
+/// target.
 pub(crate) fn simplified<'py>(
     py: Python<'py>,
     done: Simplified,
@@ -120,7 +121,7 @@ pub(crate) fn options(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(list)
 }
 
-/// Returns the keyword that is most similar to a misspelt one.
+/// Returns the keyword that is most similar to a misspelt keyword.
 #[pyfunction]
 pub(crate) fn nearest(misspelt: &str, names: Vec<String>) -> Option<String> {
     by_name::nearest(misspelt, names.iter().map(String::as_str)).map(str::to_owned)

@@ -14,7 +14,7 @@ def ball():
 
 @pytest.fixture
 def wave():
-    """A sheet of waves with texture coordinates, normals and colours."""
+    """A wavy sheet with texture coordinates, normals and colours."""
     n = 60
     x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n))
     z = 0.1 * np.sin(6 * x) * np.cos(6 * y)
@@ -39,5 +39,5 @@ def root():
 def program():
     found = os.environ.get("LODSMITH") or shutil.which("lodsmith")
     if not found:
-        pytest.skip("no command lodsmith: LODSMITH names none, and none is on the path")
+        pytest.skip("no command lodsmith: LODSMITH is not set, and the command is not on the path")
     return found

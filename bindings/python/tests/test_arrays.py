@@ -1,4 +1,4 @@
-"""simplify() on arrays: types, layouts, values that are wrong."""
+"""simplify() on arrays: types, layouts, invalid values."""
 
 import lodsmith
 import numpy as np
@@ -12,7 +12,7 @@ FACES = (np.int32, np.uint32, np.int64)
 def test_types_are_kept(ball, vertices, faces):
     made = lodsmith.simplify(ball.vertices.astype(vertices), ball.faces.astype(faces), faces=100)
     assert made.faces.shape == (100, 3) and made.vertices.dtype == vertices
-    # A type that is narrower than the numbers of a mesh is not promised.
+    # Types that are too small for the numbers of vertices are not kept.
     assert made.faces.dtype == (faces if np.dtype(faces).itemsize > 2 else np.int32)
     assert made.faces.min() == 0 and made.faces.max() == len(made.vertices) - 1
 
@@ -76,7 +76,7 @@ def test_wrong_shapes_and_types(ball):
             lodsmith.simplify(bad_v, bad_f, ratio=0.5)
     with pytest.raises(TypeError, match="faces are missing"):
         lodsmith.simplify(v, ratio=0.5)
-    with pytest.raises(TypeError, match="not known"):
+    with pytest.raises(TypeError, match="unknown type of mesh"):
         lodsmith.simplify(object(), ratio=0.5)
 
 
@@ -143,7 +143,7 @@ def test_numbers_of_numpy_are_numbers(ball):
     assert len(lodsmith.simplify(ball, faces=100, seed=2**64 - 1).faces) == 100
 
 
-def test_a_target_out_of_reach_warns(ball):
+def test_an_unreachable_target_warns(ball):
     with pytest.warns(lodsmith.LodsmithWarning, match="target not reached, stopped by refusals"):
         made = lodsmith.simplify(ball, faces=10, max_normal=1.0, topology="preserve")
     assert not made.report["reached"]
@@ -157,14 +157,14 @@ def test_locked_vertices_stay(ball):
     assert made.report["locked"]["vertices"] == locked.sum()
 
 
-def test_importance_draws_triangles(ball):
+def test_importance_attracts_triangles(ball):
     importance = np.where(ball.vertices[:, 2] > 0, 8.0, 1.0)
     made = lodsmith.simplify(ball, ratio=0.2, importance=importance)
     upper = (made.vertices[made.faces].mean(axis=1)[:, 2] > 0).mean()
     assert upper > 0.7
 
 
-def test_attributes_come_through_in_their_types(wave):
+def test_attributes_keep_their_types(wave):
     labels = (wave.vertices[:, 0] > 0.5).astype(np.int8) * 7
     heat = (wave.vertices[:, 0] * 2).astype(np.float64)
     attributes = {**wave._named(), "label": labels, "heat": heat, "pair": np.stack([heat, -heat], axis=1)}
@@ -193,14 +193,14 @@ def test_wrong_attributes(wave):
         ({"uvs": np.zeros((3, 2))}, ValueError, "'uvs' has the shape"),
         ({"uvs": np.zeros((len(v), 5))}, ValueError, r"'uvs' has the shape \(3600, 5\), not \(n, 2\)"),
         ({"regions": np.zeros(len(v), int)}, ValueError, "faces"),
-        ({"regions": np.zeros(len(f))}, ValueError, "'regions' wants one integer"),
+        ({"regions": np.zeros(len(f))}, ValueError, "'regions' needs one integer"),
         ({"name": np.full(len(v), "a")}, TypeError, "'name' has values of type"),
     ]:
         with pytest.raises(kind, match=text):
             lodsmith.simplify(v, f, attributes=attributes, ratio=0.5)
 
 
-def test_the_source_map_carries_any_data(wave):
+def test_the_source_map_transfers_any_data(wave):
     made = lodsmith.simplify(wave.vertices, wave.faces, ratio=0.1)
     source = made.source
     assert source is made.source and len(source.faces) == len(made.vertices)
@@ -223,7 +223,7 @@ def test_a_result_is_measured(ball):
         lodsmith.compare(ball, ([[0, 0, 0]], []))
 
 
-def test_an_error_is_kept(ball):
+def test_an_error_limit_is_met(ball):
     made = lodsmith.simplify(ball, error="0.5%")
     limit = 0.005 * made.report["error"]["diagonal"]
     assert made.report["error"]["bound"] <= limit
@@ -240,7 +240,7 @@ def test_results_own_their_memory(ball):
 
 def test_numbers_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
     n = len(ball.vertices)
-    # Coordinates of a country, times in seconds since 1970, and numbers of most different sizes.
+    # Geographic coordinates, times in seconds since 1970, and numbers of very different magnitudes.
     attributes = {
         "north": 4_649_776.22 + 100 * ball.vertices[:, 0],
         "time": 1.7e9 + 0.001 * np.arange(n),
@@ -254,13 +254,13 @@ def test_numbers_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
     assert list(made.attributes) == list(attributes)
 
 
-def test_numbers_of_64_bits_are_blended_where_a_vertex_moves(ball):
+def test_numbers_of_64_bits_are_interpolated_where_a_vertex_moves(ball):
     north, time = 4_649_776.22 + 100 * ball.vertices[:, 0], 1.7e9 + 1000 * ball.vertices[:, 1]
     small = {"x": 100 * ball.vertices[:, 0], "y": 1000 * ball.vertices[:, 1]}
     made = lodsmith.simplify(ball.vertices, ball.faces, attributes={"north": north, "time": time}, ratio=0.1)
     plain = lodsmith.simplify(ball.vertices, ball.faces, attributes=small, ratio=0.1)
     assert (made.source.vertices < 0).any()
-    # As near as if the same numbers began at 0.
+    # As exact as the same numbers minus an offset.
     assert np.abs(made.attributes["north"] - 4_649_776.22 - 100 * made.vertices[:, 0]).max() < 2
     assert np.abs(plain.attributes["x"] - 100 * plain.vertices[:, 0]).max() < 2
     assert np.abs(made.attributes["time"] - 1.7e9 - 1000 * made.vertices[:, 1]).max() < 20
@@ -278,7 +278,7 @@ def test_texture_coordinates_of_64_bits_are_exact_where_a_vertex_is_kept(ball):
     assert (made.uvs == uvs[made.source.vertices]).all()
 
 
-def test_large_integers_are_carried_exactly(ball, tmp_path):
+def test_large_integers_are_exact(ball, tmp_path):
     n = len(ball.vertices)
     attributes = {
         "id": np.arange(n, dtype=np.int64) + (1 << 60),
@@ -294,14 +294,14 @@ def test_large_integers_are_carried_exactly(ball, tmp_path):
         lodsmith.clean(given),
     ):
         row = made.attributes["id"] - (1 << 60)
-        # One row of the original each, near the place.
+        # The value of a nearby row of the original.
         away = np.linalg.norm(ball.vertices[row] - made.vertices, axis=1)
         assert list(made.attributes) == list(attributes) and away.max() < 0.15
         for name in ("hash", "node"):
             assert made.attributes[name].dtype == attributes[name].dtype
             assert (made.attributes[name] == attributes[name][row]).all()
     assert lodsmith.compare(given, given)["hausdorff"]["symmetric"] < 1e-7
-    with pytest.warns(lodsmith.LodsmithWarning, match="does not have id, hash, node: integers beyond 16,777,216"):
+    with pytest.warns(lodsmith.LodsmithWarning, match="does not have id, hash, node: integers above 16,777,216"):
         given.save(tmp_path / "ball.ply")
 
 

@@ -32,7 +32,7 @@ def cluster():
 
 @pytest.fixture(scope="module")
 def assets(tmp_path_factory):
-    """Twelve assets in three formats, of which two are cut off."""
+    """Twelve assets in three formats, two of them truncated."""
     folder = tmp_path_factory.mktemp("assets")
     return folder, bench_batch.make(folder, 12, seed=3, bad=2)
 
@@ -62,19 +62,19 @@ def test_levels_and_report(assets, tmp_path, program):
         assert row["failure"] and row["level"] is None and row["state"] == "failed"
         assert not (out / name).exists()
     assert parquet.read_table(out / "report.parquet").to_pylist() == table.to_pylist()
-    # The files are those of the command, to the byte.
+    # The files have the same bytes as from the command.
     failed = bench_batch.plain(folder, other, program, WORDS, 2)
     assert sorted(failed) == sorted(names[10:])
     assert bench_batch.files(out) == bench_batch.files(other)
 
 
-def test_what_is_complete_is_kept(assets, tmp_path):
+def test_complete_results_are_kept(assets, tmp_path):
     folder, names = assets
     out = tmp_path / "out"
     first = batch.run(folder, out, names=names[:4], levels=LEVELS)
     before = bench_batch.files(out)
     times = {path: path.stat().st_mtime_ns for path in out.rglob("*.*") if ".lodsmith" not in path.parts}
-    # One output is gone: only its asset is made again.
+    # One output is missing: only its asset is made again.
     gone = by_asset(first)[names[1]][0]["output"]
     (out / gone).unlink()
     again = batch.run(folder, out, names=names[:4], levels=LEVELS)
@@ -83,7 +83,7 @@ def test_what_is_complete_is_kept(assets, tmp_path):
     assert bench_batch.files(out) == before
     kept = [path for path in times if names[1] not in str(path) and path.name != "report.parquet"]
     assert kept and all(path.stat().st_mtime_ns == times[path] for path in kept)
-    # Other options are other results.
+    # Other options need new results.
     other = batch.run(folder, out, names=names[:1], levels=[0.3])
     assert {row["state"] for row in other.to_pylist()} == {"made"}
     assert sorted(p.name for p in (out / names[0]).iterdir()) == sorted(
@@ -110,7 +110,7 @@ def test_a_killed_worker_loses_nothing(assets, tmp_path):
 
 
 def test_other_file_systems(assets, tmp_path):
-    # A part of a file system is not local to the package: assets and results are copied.
+    # The package does not treat a part of a file system as local: assets and results are copied.
     folder, names = assets
     store = fs.SubTreeFileSystem(str(tmp_path), fs.LocalFileSystem())
     table = batch.run(f"file://{folder}", "results", names=names[:3], output_filesystem=store, levels=[0.5])
@@ -130,7 +130,7 @@ def test_a_model_with_files_beside_it(tmp_path):
     (source / "parts").mkdir()
     (source / "parts" / "red.mtl").write_text("newmtl red\nKd 1 0 0\n")
     (source / "parts" / "other.mtl").write_text("newmtl other\n")
-    # Not a local file system to the package: what the model refers to is copied with it.
+    # The package does not treat this file system as local: files that the model refers to are copied with it.
     store = fs.SubTreeFileSystem(str(source), fs.LocalFileSystem())
 
     def run():
@@ -139,13 +139,13 @@ def test_a_model_with_files_beside_it(tmp_path):
     (row,) = run()
     assert row["failure"] is None and row["state"] == "made" and not any("mtl" in text for text in row["warnings"])
     assert b'"baseColorFactor":[1' in (out / row["output"]).read_bytes().replace(b" ", b"")
-    # Other bytes beside it are another model.
+    # If a file that it refers to changes, the model is new.
     assert run()[0]["state"] == "kept"
     (source / "parts" / "red.mtl").write_text("newmtl red\nKd 0 1 0\n")
     assert run()[0]["state"] == "made"
 
 
-def test_wrong_options_are_told_before_any_work(assets, tmp_path):
+def test_wrong_options_are_errors_before_any_work(assets, tmp_path):
     with pytest.raises(lodsmith.CommandError, match="levels"):
         batch.run(assets[0], tmp_path / "out", levels=[2])
     assert not (tmp_path / "out" / "report.parquet").exists()
@@ -158,7 +158,7 @@ def test_options_as_words_and_as_values(assets, tmp_path):
     for wrong in (["levels"], ["--levels"]):
         with pytest.raises(lodsmith.CommandError, match="expected"):
             batch.options_of_words(wrong)
-    # Values of NumPy and paths reach the processes too.
+    # NumPy values and paths are passed to the processes too.
     options = {"levels": np.array([0.5]), "max_normal": np.float32(60), "asset_root": assets[0]}
     table = batch.run(assets[0], tmp_path / "out", names=assets[1][:1], **options)
     assert table.column("failure").null_count == 1

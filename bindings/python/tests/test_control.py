@@ -40,7 +40,7 @@ def test_ctrl_c_cancels(call, tmp_path):
     assert not (tmp_path / "low.ply").exists()
 
 
-def test_progress_never_goes_back_and_ends_at_one():
+def test_progress_never_decreases_and_ends_at_one():
     ball = lodsmith.icosphere(7)
     seen = []
     lodsmith.simplify(ball, ratio=0.05, progress=lambda done, stage: seen.append((done, stage)))
@@ -80,11 +80,11 @@ def test_other_threads_run_meanwhile():
     last = time.perf_counter()
     end.set()
     thread.join()
-    # With the lock held there would be none.
+    # If the lock were held, there would be none.
     assert sum(begin < t < last for t in ticks) > 5
 
 
-def test_a_time_limit_gives_the_best_so_far():
+def test_a_time_limit_returns_the_best_result_so_far():
     ball = lodsmith.icosphere(8)
     with pytest.warns(lodsmith.LodsmithWarning, match="time limit"):
         made = lodsmith.simplify(ball, faces=100, time_limit=0.05)
@@ -111,10 +111,10 @@ def _compare(_):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_a_fork_has_threads_of_its_own():
+def test_a_fork_has_its_own_threads():
     import multiprocessing
 
-    # The threads of this process do not live on in the child.
+    # The threads of this process do not exist in the child.
     wanted = _compare(0)
     with multiprocessing.get_context("fork").Pool(2) as pool:
         assert pool.map_async(_compare, range(4)).get(timeout=120) == [wanted] * 4

@@ -1,4 +1,4 @@
-"""Examples, stubs and the notebook do what they say."""
+"""Examples, stubs and the notebook are correct."""
 
 import doctest
 import importlib
@@ -23,7 +23,7 @@ def test_examples_in_docstrings():
 def test_examples_of_the_page(tmp_path, monkeypatch):
     page = HERE.parents[1] / "docs" / "python.md"
     if not page.exists():
-        pytest.skip("docs/python.md is not here")
+        pytest.skip("docs/python.md is missing")
     monkeypatch.chdir(tmp_path)
     result = doctest.testfile(str(page), module_relative=False)
     assert result.attempted >= 10 and result.failed == 0
@@ -37,7 +37,7 @@ def test_everything_public_is_documented():
             assert name in (HERE / "python" / "lodsmith" / "__init__.pyi").read_text(), name
 
 
-def test_the_stubs_are_those_of_the_engine():
+def test_the_stubs_agree_with_the_engine():
     run = subprocess.run([sys.executable, HERE / "stubs.py", "--check"], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
 

@@ -44,7 +44,7 @@ def test_formats_that_can_be_read():
     assert {"obj", "glb", "3mf", "dae", "fbx"} <= set(lodsmith.FORMATS)
 
 
-def test_losses_are_told(tmp_path, wave):
+def test_losses_are_warnings(tmp_path, wave):
     with pytest.warns(lodsmith.LodsmithWarning):
         wave.save(tmp_path / "wave.stl")
 
@@ -62,13 +62,13 @@ def test_wrong_files(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:target not reached", "ignore:seams were moved")
-def test_a_seam_goes_through_load_and_simplify(tmp_path):
-    # Rows that share a place have one number in the map.
+def test_a_seam_survives_load_and_simplify(tmp_path):
+    # Rows of the same vertex have the same number in the map.
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt .5 .5\nf 1/1 2/2 3/3\nf 2/4 4/1 3/3\n"
     (tmp_path / "seam.obj").write_text(text)
     mesh = lodsmith.load(tmp_path / "seam.obj")
     assert len(mesh.vertices) == 5 and sorted(mesh.vertex_map) == [0, 1, 1, 2, 3]
-    # Lists have a value for each row; a place is locked if any of its rows is.
+    # Lists have a value for each row; a vertex is locked if any of its rows is.
     made = lodsmith.simplify(mesh, faces=1, locked=np.arange(5) == 0, attributes=None)
     assert [0, 0, 0] in made.vertices.tolist()
 
@@ -206,9 +206,9 @@ def test_levels_of_a_mesh(ball):
             lodsmith.lod(ball, **wrong)
     with pytest.raises(TypeError):
         lodsmith.lod(ball, ratio=0.5)
-    with pytest.warns(lodsmith.LodsmithWarning, match="^level 2: target not reached, stopped by refusals") as told:
+    with pytest.warns(lodsmith.LodsmithWarning, match="^level 2: target not reached, stopped by refusals") as caught:
         lodsmith.lod(ball, levels=[0.5, 0.01], max_normal=5, topology="preserve")
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
 def test_a_progressive_mesh_has_every_level(ball, tmp_path):
@@ -223,7 +223,7 @@ def test_a_progressive_mesh_has_every_level(ball, tmp_path):
     assert len(mesh.level(error=errors[1]).faces) <= 510
     mesh.save(tmp_path / "ball.lpm")
     back = lodsmith.Progressive.load(tmp_path / "ball.lpm")
-    # Splits are stored to the bit; moves of the fit are rounded.
+    # Splits are stored exactly; moves of the fit are rounded.
     recorded = [m.level(faces=300, fit=False).vertices for m in (back, mesh)]
     assert len(back) == len(mesh) and (recorded[0] == recorded[1]).all()
     assert np.abs(back.level(faces=300).vertices - mesh.level(faces=300).vertices).max() < 1e-3
@@ -262,7 +262,7 @@ def test_pictures(ball, wave, files):
             lodsmith.render(ball, **wrong)
 
 
-def test_pictures_of_files_have_the_bytes_of_the_command(program, files, root):
+def test_images_of_files_have_the_bytes_of_the_command(program, files, root):
     arm = str(root / "testdata" / "arm.glb")
 
     def same(words, path, **options):
@@ -304,13 +304,13 @@ def test_pictures_of_files_have_the_bytes_of_the_command(program, files, root):
     )
 
 
-def test_what_no_picture_can_be_is_told(files):
+def test_wrong_options_of_images_are_refused(files):
     for options, status, text in [
-        ({"shading": "heat"}, 2, "^shading heat shows a distance: say from what, with compare or levels$"),
+        ({"shading": "heat"}, 2, "^shading heat shows distances from a reference: add compare or levels$"),
         ({"time": 1}, 2, "wave.ply: has no animation"),
         ({"size": (0, 9)}, 2, "^size: a size is WxH"),
         ({"matcap": "none.png"}, 1, "^none.png: "),
-        ({"levels": [9], "compare": "a.ply"}, 2, "^only one of levels and compare can be given"),
+        ({"levels": [9], "compare": "a.ply"}, 2, "^only one of levels and compare may be given"),
         ({"fps": 5}, 2, "^fps: it needs turntable"),
     ]:
         with pytest.raises(lodsmith.CommandError, match=text) as info:

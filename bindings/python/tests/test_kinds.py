@@ -1,4 +1,4 @@
-"""Meshes of trimesh, PyVista and Open3D go in, and the same kind comes out."""
+"""Functions return the kind of mesh that they are given: trimesh, PyVista or Open3D."""
 
 import importlib
 
@@ -8,7 +8,7 @@ import pytest
 
 
 def optional(name):
-    """The package, or None if it is not installed or lacks a library of the system."""
+    """Return the package, or None if it is not installed or needs a missing system library."""
     try:
         return importlib.import_module(name)
     except ImportError:
@@ -54,7 +54,7 @@ class TestTrimesh:
             made.append(lodsmith.simplify(given, ratio=0.1))
         assert (made[0].vertices == made[1].vertices).all() and (made[0].faces == made[1].faces).all()
         assert (made[0].vertex_normals == made[1].vertex_normals).all()
-        # Normals that differ from the shape were given, and count; so do those that are asked for.
+        # Normals that differ from the shape were set by the user, and count; requested normals count too.
         turned = trimesh.Trimesh(wave.vertices, wave.faces, vertex_normals=-wave.normals, process=False)
         assert lodsmith.simplify(turned, ratio=0.1).vertex_normals[:, 2].max() < 0
         asked = lodsmith.Mesh.of(given)
@@ -106,7 +106,7 @@ class TestPyVista:
         assert made.point_data.active_normals_name == "Normals"
         assert set(made.cell_data["part"]) == {0, 1} and made.field_data["note"].tolist() == [1, 2, 3]
 
-    def test_polygons_are_divided_and_loss_is_told(self):
+    def test_polygons_are_triangulated_and_losses_are_warnings(self):
         given = pyvista.Plane(i_resolution=20, j_resolution=20)
         given.cell_data["quality"] = np.zeros(given.n_cells)
         with pytest.warns(lodsmith.LodsmithWarning, match="cell data 'quality'"):
@@ -143,7 +143,7 @@ class TestOpen3D:
         made = lodsmith.simplify(given, ratio=0.1)
         got = np.asarray(made.triangle_uvs).reshape(-1, 3, 2)
         middle = np.asarray(made.vertices)[np.asarray(made.triangles)].mean(axis=1)[:, 0]
-        # No face has corners on both sides, and the vertices along the seam are joined.
+        # No face has corners on both sides, and vertices along the seam are joined.
         assert ((got > 2).all(axis=(1, 2)) | (got < 2).all(axis=(1, 2))).all()
         assert ((got > 2).all(axis=(1, 2)) == (middle > 0.5)).mean() > 0.97
         assert len(made.get_non_manifold_edges(allow_boundary_edges=True)) == 0

@@ -1,6 +1,6 @@
 """Simplification of triangle meshes: the closest mesh for the count, at the speed of the fastest tool.
 
-The functions take NumPy arrays, or meshes of trimesh, PyVista and Open3D, and give the same kind back:
+The functions take NumPy arrays, or meshes of trimesh, PyVista and Open3D, and return the same kind:
 
 >>> import lodsmith
 >>> ball = lodsmith.icosphere(4)

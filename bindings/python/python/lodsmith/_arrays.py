@@ -1,4 +1,4 @@
-"""The arrays of meshes, and their way to and from the engine."""
+"""Meshes as arrays, and their conversion for the engine and back."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from . import _lodsmith as _native
 from ._faults import LodsmithWarning
 
-#: Rows of other types are stored by the engine as 32-bit floats, which hold these integers exactly.
+#: The engine stores rows of other types as 32-bit floats, which represent these integers exactly.
 _EXACT = 1 << 24
 _INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32")
 _OWN = ("normals", "uvs", "colors", "regions", "vertex_map")
@@ -41,10 +41,10 @@ class MeshArrays:
             if values is None:
                 continue
             array = np.asarray(values)
-            wanted = len(self.faces) if name == "regions" else len(self.vertices)
-            if array.ndim not in (1, 2) or len(array) != wanted:
+            expected = len(self.faces) if name == "regions" else len(self.vertices)
+            if array.ndim not in (1, 2) or len(array) != expected:
                 what = "faces" if name == "regions" else "vertices"
-                raise ValueError(f"attributes: {name!r} has the shape {array.shape} for {wanted} {what}")
+                raise ValueError(f"attributes: {name!r} has the shape {array.shape} for {expected} {what}")
             if name in _OWN:
                 setattr(self, name, array)
             else:
@@ -89,7 +89,7 @@ def _faces(values: Any) -> np.ndarray:
 
 
 def _contiguous(array: np.ndarray) -> np.ndarray:
-    """Native byte order, in one piece; no copy if it is so already."""
+    """Return an array in native byte order and contiguous; without a copy if it is so already."""
     if not array.dtype.isnative:
         array = array.astype(array.dtype.newbyteorder("="))
     return np.require(array, requirements=["C", "A"])
@@ -97,8 +97,8 @@ def _contiguous(array: np.ndarray) -> np.ndarray:
 
 def _rows(name: str, array: np.ndarray, widths: Tuple[int, ...]) -> np.ndarray:
     if array.ndim != 2 or array.shape[1] not in widths:
-        wanted = " or ".join(f"(n, {k})" for k in widths)
-        raise ValueError(f"attributes: {name!r} has the shape {array.shape}, not {wanted}")
+        expected = " or ".join(f"(n, {k})" for k in widths)
+        raise ValueError(f"attributes: {name!r} has the shape {array.shape}, not {expected}")
     return np.require(array, np.float32, ["C", "A"])
 
 
@@ -113,18 +113,18 @@ def _colors(array: np.ndarray) -> np.ndarray:
 
 def _ids(name: str, array: np.ndarray) -> np.ndarray:
     if array.ndim != 1 or array.dtype.kind not in "iu":
-        raise ValueError(f"attributes: {name!r} wants one integer each, not {array.dtype} of shape {array.shape}")
+        raise ValueError(f"attributes: {name!r} needs one integer each, not {array.dtype} of shape {array.shape}")
     if len(array) and (int(array.min()) < 0 or int(array.max()) >= 1 << 32):
-        raise ValueError(f"attributes: {name!r} has numbers below 0 or beyond 32 bits")
+        raise ValueError(f"attributes: {name!r} has numbers below 0 or above 32 bits")
     return np.require(array, np.uint32, ["C", "A"])
 
 
-#: Numbers between these, and 0, are carried as they are: 32-bit floats hold their products too.
+#: Numbers between these, and 0, are passed unchanged: 32-bit floats represent their products too.
 _LEAST, _MOST = 1e-30, 1e30
 
 
 class _Scale(NamedTuple):
-    """How numbers of 64 bits are carried where 32-bit floats would round them: (x - shift) / unit."""
+    """A mapping of 64-bit numbers to 32-bit floats with less rounding: (x - shift) / unit."""
 
     shift: float
     unit: float
@@ -140,13 +140,13 @@ _PLAIN = _Scale(0.0, 1.0)
 
 
 def _scale(rows: np.ndarray) -> _Scale:
-    """The scale at which 32-bit floats hold numbers best."""
+    """Return the mapping with the least rounding."""
     finite = rows[np.isfinite(rows)]
     if finite.size == 0:
         return _PLAIN
     low, high = float(finite.min()), float(finite.max())
     most = max(abs(low), abs(high))
-    # Around 0 small numbers would lose digits to a shift; apart from it, all gain some.
+    # If numbers lie around 0, small ones would lose digits by a shift; if they are all far from 0, all gain digits.
     shift = low / 2 + high / 2 if high / 2 - low / 2 < most / 4 else 0.0
     largest = max(abs(low - shift), abs(high - shift))
     in_range = largest == 0 or _LEAST < largest < _MOST
@@ -156,12 +156,12 @@ def _scale(rows: np.ndarray) -> _Scale:
 class _Carried(NamedTuple):
     """Values for the engine."""
 
-    #: None for integers that 32-bit floats do not hold: these are fetched from the original afterwards.
+    #: None for integers that 32-bit floats do not represent: these are copied from the original afterwards.
     rows: Optional[np.ndarray]
     #: The type of labels.
     label: Optional[str]
     scale: _Scale
-    #: Whether the rows are the values, to the bit.
+    #: Whether the rows are exactly the values.
     is_exact: bool
 
 
@@ -186,15 +186,15 @@ def _values(name: str, array: np.ndarray, scaled: bool) -> _Carried:
 
 
 def to_native(mesh: MeshArrays, scaled: bool = False) -> SimpleNamespace:
-    """The arrays of a mesh as the engine takes them.
+    """Return the arrays of a mesh as the engine takes them.
 
-    ``scaled`` moves numbers of 64 bits to where 32-bit floats hold them best; :func:`from_native` moves them back.
+    ``scaled`` maps 64-bit numbers to 32-bit floats with less rounding; :func:`from_native` maps them back.
     """
     carried = {name: _values(name, array, scaled) for name, array in mesh.attributes.items()}
     faces = mesh.faces
     if faces.dtype not in (np.int32, np.uint32, np.int64):
         if faces.dtype == np.uint64 and faces.size and int(faces.max()) >= 1 << 63:
-            raise ValueError("faces: numbers beyond 63 bits")
+            raise ValueError("faces: numbers above 63 bits")
         faces = faces.astype(np.int64)
     return SimpleNamespace(
         vertices=_contiguous(mesh.vertices),
@@ -210,15 +210,15 @@ def to_native(mesh: MeshArrays, scaled: bool = False) -> SimpleNamespace:
 
 
 def warn_of_lost_integers(path: Any, sent: SimpleNamespace) -> None:
-    """Warn of attributes that no file can hold."""
+    """Warn about attributes that no file format can store."""
     lost = [name for name, carried in sent.carried.items() if carried.rows is None]
     if lost:
-        text = f"{path}: the file does not have {', '.join(lost)}: integers beyond 16,777,216"
+        text = f"{path}: the file does not have {', '.join(lost)}: integers above 16,777,216"
         warnings.warn(text, LodsmithWarning, stacklevel=3)
 
 
 def _like(values: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Values in the type and shape of what the caller gave."""
+    """Return values in the type and shape that the caller gave."""
     if model.ndim == 1:
         values = values.reshape(-1)
     if values.dtype == model.dtype:
@@ -229,17 +229,17 @@ def _like(values: np.ndarray, model: np.ndarray) -> np.ndarray:
 
 
 def from_native(kind: type, made: Dict[str, Any], like: Optional[MeshArrays], sent: Optional[SimpleNamespace] = None) -> Any:
-    """A mesh of the arrays that the engine gave, in the types of those that it was given (``like``, as ``sent``)."""
+    """Return a mesh from arrays of the engine, in the types of the input (``like``, passed to the engine as ``sent``)."""
     mesh = kind.__new__(kind)
     mesh.vertices = made["vertices"]
     faces = made["faces"]
-    wanted = np.dtype(np.int32) if like is None else like.faces.dtype
-    if wanted.itemsize < 4:
-        wanted = np.dtype(np.int32)
-    if wanted == np.int32 and len(mesh.vertices) <= np.iinfo(np.int32).max:
+    expected = np.dtype(np.int32) if like is None else like.faces.dtype
+    if expected.itemsize < 4:
+        expected = np.dtype(np.int32)
+    if expected == np.int32 and len(mesh.vertices) <= np.iinfo(np.int32).max:
         faces = faces.view(np.int32)
-    elif wanted != np.uint32:
-        faces = faces.astype(wanted if wanted.itemsize == 8 else np.int64)
+    elif expected != np.uint32:
+        faces = faces.astype(expected if expected.itemsize == 8 else np.int64)
     mesh.faces = faces
     mesh.normals, mesh.uvs, mesh.regions, mesh.vertex_map = (
         made[name] for name in ("normals", "uvs", "regions", "vertex_map")
@@ -273,7 +273,7 @@ def from_native(kind: type, made: Dict[str, Any], like: Optional[MeshArrays], se
 
 
 def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress: Any, time_limit: Any, mesh: MeshArrays) -> Any:
-    """The keywords of a run as the engine takes them."""
+    """Return the keywords of a run as the engine takes them."""
     if locked is not None:
         locked = np.asarray(locked)
         if locked.dtype.kind in "iu" and locked.dtype != np.bool_:
@@ -295,7 +295,7 @@ def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays) -> np.ndarr
     values = np.require(array, kind, ["C", "A"])
     if mesh.vertex_map is None:
         return values
-    # The engine has one value for each place: the largest of its rows.
+    # The engine takes one value for each vertex: the largest of its rows.
     of_place = np.zeros(int(mesh.vertex_map.max()) + 1 if count else 0, kind)
     np.maximum.at(of_place, mesh.vertex_map, values)
     return of_place

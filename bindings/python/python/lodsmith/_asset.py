@@ -1,4 +1,4 @@
-"""The work of :mod:`lodsmith.batch` on one asset: read, make levels in a process of its own, publish, record."""
+"""The work of :mod:`lodsmith.batch` on one asset: read, make levels in a separate process, publish, record."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pyarrow import fs
 
 from ._lodsmith import __version__
 
-#: The columns of the report: one row for each asset and level, and one for an asset that failed.
+#: The columns of the report: one row for each asset and level, or one row for an asset that failed.
 SCHEMA = pa.schema(
     [
         pa.field("input", pa.string(), nullable=False),
@@ -43,7 +43,7 @@ SCHEMA = pa.schema(
     ]
 )
 
-#: The folder in the output for what a run remembers.
+#: The folder in the output for records of runs.
 OWN = ".lodsmith"
 
 
@@ -74,10 +74,10 @@ class Place:
             pass
 
     def write(self, content: bytes, *parts: str) -> None:
-        """Write a file under a temporary name and rename it: readers see all of it or nothing."""
+        """Write a file under a temporary name and rename it: readers see the complete file or none."""
         target = self.at(*parts)
         part = self.at(OWN, "parts", uuid.uuid4().hex)
-        # Object stores have no folders to make.
+        # Object stores have no folders.
         for folder in (posixpath.dirname(part), posixpath.dirname(target)):
             self.filesystem.create_dir(folder, recursive=True)
         with self.filesystem.open_output_stream(part) as stream:
@@ -104,11 +104,11 @@ class Plan:
 
 
 class Failure(Exception):
-    """A failure of an asset that another attempt would not change."""
+    """A failure of an asset that would occur again in another attempt."""
 
 
 class Ended(Exception):
-    """The process of an asset ended, perhaps for a reason outside of it."""
+    """The process of an asset ended, perhaps for an external reason."""
 
 
 class _Input(NamedTuple):
@@ -118,7 +118,7 @@ class _Input(NamedTuple):
 
 
 class _Process:
-    """The process that runs the command; made when it is needed, again after each end."""
+    """The process that makes levels; started when needed, and again after it has ended."""
 
     def __init__(self) -> None:
         self.running: Optional["subprocess.Popen[str]"] = None
@@ -176,7 +176,7 @@ class _Process:
 
 
 def references(name: str, content: bytes) -> List[str]:
-    """Return the files that a glTF, OBJ or MTL file refers to, those outside of its folder left out."""
+    """Return the files that a glTF, OBJ or MTL file refers to, except files outside its folder."""
     kind = posixpath.splitext(name)[1].lower()
     found: List[str] = []
     if kind == ".gltf":
@@ -191,7 +191,7 @@ def references(name: str, content: bytes) -> List[str]:
             word, _, rest = line.strip().partition(b" ")
             key, text = word.lower(), rest.strip().decode("utf-8", "replace")
             if kind == ".obj" and key == b"mtllib":
-                # One name with blanks, or several names.
+                # One name with spaces, or several names.
                 found += [text, *text.split()]
             elif kind == ".mtl" and key.startswith((b"map_", b"bump", b"disp", b"norm", b"refl")) and text:
                 found += [text, text.split()[-1]]
@@ -202,7 +202,7 @@ def references(name: str, content: bytes) -> List[str]:
 
 
 class Worker:
-    """Makes the levels of assets, one after another. An object of it belongs to one process."""
+    """Makes the levels of assets, one after another. Each object belongs to one process."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -216,7 +216,7 @@ class Worker:
         self.process.close()
 
     def asset(self, name: str) -> List[Dict[str, Any]]:
-        """Return the rows of an asset; an asset that cannot be treated is one row with its failure."""
+        """Return the rows of an asset; for an asset that fails, one row with the failure."""
         begin = time.perf_counter()
         about: Dict[str, Any] = {"attempt": 0}
         rows: List[Dict[str, Any]] = []
@@ -254,7 +254,7 @@ class Worker:
         return rows
 
     def _read(self, name: str, folder: str) -> _Input:
-        """Read an asset and what it refers to; unless they are local, into the folder."""
+        """Read an asset and the files that it refers to; copy them into the folder unless they are local."""
         source = self.plan.source
         is_local = isinstance(source.filesystem, fs.LocalFileSystem)
         digest, size, waiting, seen = hashlib.sha256(), 0, [name], {name}
@@ -279,7 +279,7 @@ class Worker:
         return _Input(path, size, digest.hexdigest())
 
     def _kept(self, name: str, given: _Input) -> Optional[List[Dict[str, Any]]]:
-        """The rows of an earlier run with the same input and options whose outputs are all there."""
+        """Return the rows of an earlier run with the same input and options, if all of its outputs exist."""
         record = self._record(name)
         if record is None or record["key"] != self.plan.key or record["digest"] != given.digest:
             return None
@@ -294,10 +294,10 @@ class Worker:
         return None if text is None else json.loads(text)
 
     def _begin(self, name: str) -> int:
-        """Count an attempt; so many may begin, however the process of this one ended."""
+        """Count an attempt, so that the number of attempts is limited however a process ends."""
         before = int(self.plan.target.read_if_there(OWN, "begun", name) or 0)
         if before > self.plan.retries:
-            raise Failure(f"{before} attempts ended with their worker")
+            raise Failure(f"the worker ended in {before} attempts")
         self.plan.target.write(str(before + 1).encode(), OWN, "begun", name)
         return before + 1
 
@@ -307,7 +307,7 @@ class Worker:
         for path in _files(out):
             os.remove(os.path.join(out, path))
         options = {**json.loads(self.plan.options), **json.loads(self.plan.limits)}
-        # The name alone, in its folder: lods.json repeats it, whichever machine this is.
+        # The name without its folder: lods.json repeats it, and must not depend on the machine.
         request = {"input": os.path.basename(given.path), "folder": os.path.dirname(given.path), "out_dir": out}
         done = self.process.call({**request, "options": options}, self.plan.timeout)
         if done["status"] != 0:
@@ -335,7 +335,7 @@ class Worker:
     def _publish(self, name: str, given: _Input, out: str, rows: List[Dict[str, Any]]) -> None:
         target = self.plan.target
         before = self._record(name)
-        # From here to the new record the outputs may be those of both.
+        # From here to the new record, outputs of both runs may be present.
         target.remove(OWN, "done", name + ".json")
         files = {}
         for path in sorted(_files(out)):

@@ -1,7 +1,7 @@
-"""A process that makes levels for a worker of :mod:`lodsmith.batch`, so that a crash or a hang ends only this.
+"""A process that makes levels for a worker of :mod:`lodsmith.batch`, so that a crash or a hang ends only this process.
 
 Each line of standard input has an input, its folder, the folder for the levels, and options; each line of standard output
-is what came of it.
+has the result.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main() -> None:
     def listen() -> None:
         for line in sys.stdin:
             requests.put(line)
-        # The worker has ended, perhaps killed: nothing that is still computed here is wanted.
+        # The worker has ended or was killed: nobody needs the result any more.
         os._exit(0)
 
     threading.Thread(target=listen, daemon=True).start()

@@ -1,4 +1,4 @@
-"""Warnings and errors of the package itself."""
+"""Warnings and errors of the package."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 class LodsmithWarning(UserWarning):
-    """Something that a result lacks: a target that was not reached, data that a format or a mesh cannot hold."""
+    """A defect of a result: a target that was not reached, or data that a format or a mesh cannot store."""
 
 
 class CommandError(ValueError):
@@ -15,9 +15,10 @@ class CommandError(ValueError):
     Attributes
     ----------
     status : int
-        Its exit status: 1 the file, the mesh or the system is at fault, 2 the arguments are, 3 only with ``strict``.
+        The exit status: 1 for an error in a file, a mesh or the system, 2 for an error in the arguments, 3 only with
+        ``strict``.
     report : dict or None
-        What it would print with ``--json``, if the job came to its end.
+        The output of the command with ``--json``, if the job was completed.
     """
 
     def __init__(self, text: str, status: int, report: Any) -> None:

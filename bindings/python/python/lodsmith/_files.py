@@ -1,4 +1,4 @@
-"""Files: meshes that become one, and whole files as the command treats them."""
+"""Files: writing of meshes, and jobs on whole files like those of the command."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def save(
     compress: str = "none",
     quantize: bool = False,
 ) -> None:
-    """Write a mesh to a file; the format follows from the name.
+    """Write a mesh to a file; the extension determines the format.
 
-    A file is complete or not written at all. Data that the format cannot hold are named by warnings.
+    A file is written completely or not at all. Warnings name the data that the format cannot store.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def save(
     compress : str
         ``"meshopt"`` or ``"meshopt-khr"`` compresses glTF and GLB without loss; most programs read the first.
     quantize : bool
-        Round the attributes of glTF and GLB to fewer bits, as ``--quantize`` of the command does.
+        Round the attributes of glTF and GLB to fewer bits, like ``--quantize`` of the command.
     """
     given = MeshArrays(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
     writing = _Writing(format, bool(ascii), textures, bool(force), compress, bool(quantize), given._materials)
@@ -75,9 +75,9 @@ def job(
     out_dir: Optional[Path] = None,
     progress: Any = None,
 ) -> Any:
-    """Do a job on files; return the object that the command would print with ``--json``, or the pixels of a picture."""
+    """Do a job on files; return the object that the command prints with ``--json``, or the pixels of an image."""
     places = [None if path is None else os.fspath(path) for path in (output, out_dir)]
-    # A trial run may go without.
+    # A dry run needs no output.
     if verb not in ("info", "render") and places.count(None) != 1 and not (places == [None, None] and options.get("dry_run")):
         raise CommandError("give one output: a file, or for levels out_dir=, a folder", 2, None)
     with Reporting(progress) as reporting:
@@ -90,14 +90,14 @@ def job(
 
 
 def simplify_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
-    """Simplify a whole file, scenes with all their nodes, materials and animations included.
+    """Simplify a whole file; scenes keep their nodes, materials and animations.
 
     The output has the bytes of ``lodsmith simplify INPUT -o OUTPUT`` with the same options.
 
     Parameters
     ----------
     input, output : paths
-        The formats follow from the content of the one and the name of the other.
+        The format is detected from the content of the input, and given by the extension of the output.
     progress : function, ``tqdm`` bar or True, optional
         As for :func:`lodsmith.simplify`.
     **options
@@ -114,7 +114,7 @@ def simplify_file(input: Path, output: Path, *, progress: Any = None, **options:
     TypeError
         For an option that does not exist.
     CommandError
-        A ValueError with the text, the ``status`` and the report of the command.
+        A ValueError with the message, the ``status`` and the report of the command.
     KeyboardInterrupt
         After Ctrl-C; no partial file is left behind.
     """
@@ -138,19 +138,19 @@ def lod_file(
 
 
 def convert(input: Path, output: Path, **options: Any) -> None:
-    """Convert a file to another format, as ``lodsmith convert`` does."""
+    """Convert a file to another format, like ``lodsmith convert``."""
     job("convert", [input], options, output)
 
 
 def clean_file(input: Path, output: Path, *, progress: Any = None, **options: Any) -> Dict[str, Any]:
-    """Repair a whole file as ``lodsmith clean`` does. Returns the object that ``--json`` prints."""
+    """Repair a whole file, like ``lodsmith clean``. Returns the object that ``--json`` prints."""
     return job("clean", [input], options, output, progress=progress)
 
 
 def info(mesh: Any, triangles: Any = None, /, **options: Any) -> Dict[str, Any]:
-    """Return counts and defects of a file or a mesh: elements, borders, non-manifold places, genus, box, area, volume.
+    """Return counts and defects of a file or a mesh: elements, borders, non-manifold elements, genus, bounds, area, volume.
 
-    For a file the keys are those of ``lodsmith info --json``; for a mesh those that need no file.
+    The keys are those of ``lodsmith info --json``; for a mesh, without the keys that need a file.
 
     Examples
     --------

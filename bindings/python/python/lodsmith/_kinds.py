@@ -1,4 +1,4 @@
-"""Meshes of other packages: trimesh, PyVista and Open3D. None of them is imported before one of its meshes is seen."""
+"""Meshes of other packages: trimesh, PyVista and Open3D. A package is imported only when one of its meshes is passed."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ._faults import LodsmithWarning
 
 
 class Kind(NamedTuple):
-    """A kind of mesh: how to take its arrays, and how to give a mesh of the kind back (like a given one, or None)."""
+    """A kind of mesh: a function that takes its arrays, and one that makes a mesh of the kind (like a given one, or None)."""
 
     take: Callable[[Any], MeshArrays]
     give: Callable[[MeshArrays, Any], Any]
 
 
 def kind_of(mesh: Any) -> Optional[Kind]:
-    """The kind of a mesh, found by the package that its class is from."""
+    """Return the kind of a mesh, found by the package of its class."""
     for cls in type(mesh).__mro__:
         package = cls.__module__.partition(".")[0]
         if package == "trimesh" and cls.__name__ == "Trimesh":
@@ -32,11 +32,11 @@ def kind_of(mesh: Any) -> Optional[Kind]:
 
 
 def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) -> Tuple[MeshArrays, Any, Any]:
-    """The mesh of the arguments of a function, its kind, and the object of that kind."""
+    """Return the mesh in the arguments of a function, its kind, and the object of that kind."""
     if faces is not None:
         return MeshArrays(mesh, faces, attributes), None, None
     if attributes is not None:
-        raise TypeError("attributes= goes with arrays of vertices and faces; a mesh has its own")
+        raise TypeError("attributes= is only for arrays of vertices and faces; a mesh has its own attributes")
     if isinstance(mesh, MeshArrays):
         return mesh, None, None
     kind = kind_of(mesh)
@@ -44,25 +44,25 @@ def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) ->
         if isinstance(mesh, (np.ndarray, list, tuple)):
             raise TypeError("the faces are missing: pass arrays of vertices and faces")
         raise TypeError(
-            f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces, or a lodsmith.Mesh, "
+            f"unknown type of mesh: {type(mesh).__name__}; pass arrays of vertices and faces, or a lodsmith.Mesh, "
             "trimesh.Trimesh, pyvista.PolyData or open3d TriangleMesh"
         )
     return kind.take(mesh), kind, mesh
 
 
 def _lost(what: str) -> None:
-    warnings.warn(f"the result does not carry {what}", LodsmithWarning, stacklevel=4)
+    warnings.warn(f"the result does not have {what}", LodsmithWarning, stacklevel=4)
 
 
 # trimesh
 
 
-#: Smallest cosine between normals that count as equal: an angle of 0.08 degrees, above all rounding.
+#: Smallest cosine between normals that count as equal: an angle of 0.08 degrees, larger than rounding errors.
 _SAME_NORMAL = 1 - 1e-6
 
 
 def _has_shape_normals(mesh: Any) -> bool:
-    """Whether the normals of a trimesh are those that it computes from the faces: reading them stores them like others."""
+    """Whether trimesh computed the normals of a mesh from its faces: reading them stores them like other normals."""
     import trimesh
 
     bare = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
@@ -70,7 +70,7 @@ def _has_shape_normals(mesh: Any) -> bool:
     if given.shape != own.shape:
         return False
     alike = (given * own).sum(axis=1) >= _SAME_NORMAL
-    # A vertex without faces has none.
+    # A vertex without faces has no normal.
     unused = np.ones(len(given), bool)
     unused[np.asarray(mesh.faces).reshape(-1)] = False
     return bool((alike | unused | ~own.any(axis=1)).all())
@@ -78,7 +78,7 @@ def _has_shape_normals(mesh: Any) -> bool:
 
 def _take_trimesh(mesh: Any) -> MeshArrays:
     taken = MeshArrays(mesh.vertices.view(np.ndarray), mesh.faces.view(np.ndarray))
-    # Normals that were computed from the shape the result computes anew.
+    # Normals that trimesh computed from the faces are computed again for the result.
     if "vertex_normals" in mesh._cache.cache and not _has_shape_normals(mesh):
         taken.normals = np.asarray(mesh.vertex_normals)
     visual = mesh.visual
@@ -91,7 +91,7 @@ def _take_trimesh(mesh: Any) -> MeshArrays:
     if kind == "vertex":
         taken.colors = np.asarray(visual.vertex_colors)
     elif kind == "face":
-        # One region for each colour: the borders between colours stay.
+        # One region for each colour: borders between colours are preserved.
         _, taken.regions = np.unique(np.asarray(visual.face_colors), axis=0, return_inverse=True)
         taken.regions = taken.regions.reshape(-1)
     for name, values in mesh.vertex_attributes.items():
@@ -163,7 +163,7 @@ def _take_pyvista(mesh: Any) -> MeshArrays:
             taken.colors = values
             names["colors"] = name
         elif values.dtype.kind in "fiub":
-            # Further colours are blended like the first.
+            # Additional colours are interpolated like the first.
             taken.attributes[name] = values.astype(np.float32) if _is_color(values) else values
         else:
             _lost(f"the point data {name!r}")
@@ -171,7 +171,7 @@ def _take_pyvista(mesh: Any) -> MeshArrays:
     for name in mesh.cell_data.keys():
         values = np.asarray(mesh.cell_data[name])
         if taken.regions is None and values.ndim == 1 and values.dtype.kind in "iu" and values.size and values.min() >= 0:
-            # The borders between numbers stay, as those between materials.
+            # Borders between values are preserved, like borders between materials.
             taken.regions = values
             names["regions"] = name
         else:
@@ -214,7 +214,7 @@ def _give_pyvista(mesh: MeshArrays, given: Any) -> Any:
 
 
 def _join_corners(taken: MeshArrays, corner_uvs: np.ndarray) -> None:
-    """Give each pair of a vertex and its texture coordinates a row of its own."""
+    """Make a row for each pair of a vertex and its texture coordinates."""
     uvs = np.ascontiguousarray(corner_uvs.reshape(-1, 2))
     corners = taken.faces.reshape(-1).astype(np.int64)
     bits = uvs.view(np.uint64 if uvs.dtype == np.float64 else np.uint32)
@@ -234,7 +234,7 @@ def _join_corners(taken: MeshArrays, corner_uvs: np.ndarray) -> None:
 
 
 def _places(mesh: MeshArrays) -> Any:
-    """The first row of each place, and the place of each row."""
+    """Return the first row of each vertex, and the vertex of each row."""
     if mesh.vertex_map is None:
         return np.arange(len(mesh.vertices)), np.arange(len(mesh.vertices))
     _, first, place = np.unique(mesh.vertex_map, return_index=True, return_inverse=True)
@@ -258,7 +258,7 @@ def _take_open3d(mesh: Any) -> MeshArrays:
 def _give_open3d(mesh: MeshArrays, given: Any) -> Any:
     import open3d as o3d
 
-    # Normals of one place that differ are those of a seam of texture coordinates: all but equal.
+    # Different normals at a vertex come from a seam of texture coordinates: they are nearly equal.
     first, place = _places(mesh) if mesh.uvs is not None else (slice(None), np.arange(len(mesh.vertices)))
     made = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(np.asarray(mesh.vertices[first], np.float64)),

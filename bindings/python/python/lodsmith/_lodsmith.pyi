@@ -1,4 +1,4 @@
-# The extension module: for the package alone.
+# The extension module, for internal use of the package.
 from typing import Any
 
 FORMATS: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Meshes as users have them."""
+"""The class of meshes, and reading of files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Mesh(MeshArrays):
     Parameters
     ----------
     vertices : array, shape (n, 3)
-        Positions, in any unit; ``float32`` and ``float64`` keep their precision, others become ``float64``.
+        Positions, in any unit; ``float32`` and ``float64`` keep their precision, other types become ``float64``.
     faces : array of integers, shape (m, 3)
         Three rows of ``vertices`` for each triangle, counter-clockwise seen from outside.
     attributes : mapping, optional
@@ -33,12 +33,12 @@ class Mesh(MeshArrays):
         ``"colors"``
             ``(n, 3)`` or ``(n, 4)``; integers from 0 to 255, or floats from 0 to 1.
         ``"regions"``
-            ``(m,)``, the number of a region for each *face*; borders of regions are kept.
+            ``(m,)``, the number of a region for each *face*; region borders are preserved.
         ``"vertex_map"``
-            ``(n,)``, the number of the place of each row, where rows that differ in attributes share places.
+            ``(n,)``, for each row the number of its vertex, if several rows with different attributes share a vertex.
         any other name
-            Numbers are blended; integers are not (they are labels, such as numbers of materials). NaN is a missing
-            value: it stays NaN and does not count.
+            Floats are interpolated; integers are not (they are labels, such as numbers of materials). NaN is a missing
+            value: it stays NaN and does not count in the cost.
 
     Attributes
     ----------
@@ -50,10 +50,10 @@ class Mesh(MeshArrays):
 
     @classmethod
     def of(cls, mesh: Any) -> "Mesh":
-        """Return a mesh of trimesh, PyVista or Open3D as arrays; results of functions on it are then :class:`Result`."""
+        """Return a mesh of trimesh, PyVista or Open3D as arrays; functions on it then return :class:`Result`."""
         kind = kind_of(mesh)
         if kind is None:
-            raise TypeError(f"a mesh of type {type(mesh).__name__} is not known; pass arrays of vertices and faces")
+            raise TypeError(f"unknown type of mesh: {type(mesh).__name__}; pass arrays of vertices and faces")
         taken = kind.take(mesh)
         return Mesh(taken.vertices, taken.faces, taken._named())
 
@@ -74,11 +74,11 @@ class Mesh(MeshArrays):
         save(self, path, **keywords)
 
     def render(self, **keywords: Any) -> Any:
-        """Draw the mesh; see :func:`lodsmith.render`."""
+        """Render the mesh; see :func:`lodsmith.render`."""
         return render(self, **keywords)
 
     def _repr_png_(self) -> Optional[bytes]:
-        """The picture in a notebook."""
+        """Return the image for a notebook."""
         if len(self.faces) == 0:
             return None
         return self.render(size=(480, 360))._repr_png_()
@@ -104,21 +104,21 @@ def load(
     format : str, optional
         Name of the format, such as ``"ply"``.
     asset_root : path, optional
-        Folder that other files the model refers to must be in; by default its own.
+        Folder that must contain all files that the model refers to; by default the folder of the model.
     allow_outside : bool
-        Allow it to refer to any file; only for models that you trust.
+        Allow the model to refer to any file; only for models that you trust.
 
     Returns
     -------
     Mesh
-        All meshes of a scene in one. Rows of vertices differ where attributes do (``vertex_map`` joins them).
+        All meshes of a scene joined. Where attributes differ, a vertex has several rows (``vertex_map`` joins them).
 
     Raises
     ------
     OSError
         If the file cannot be opened.
     InvalidMesh
-        If it cannot be read as a mesh; the text names the place.
+        If the file cannot be read as a mesh; the message names the position in the file.
     """
     root = None if asset_root is None else os.fspath(asset_root)
     made = _native.load(os.fspath(path), format, root, bool(allow_outside))

@@ -1,4 +1,4 @@
-"""Pictures of meshes, drawn on the CPU: no window, no driver, no display."""
+"""Images of meshes, rendered on the CPU: no window, driver or display is needed."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ._kinds import arguments
 class Picture(np.ndarray):
     """An image: an array of ``uint8``, shape (height, width, 4), red, green, blue and alpha, rows from the top.
 
-    A notebook shows it.
+    A notebook displays it.
     """
 
     def to_png(self) -> bytes:
         """Return the bytes of a PNG file."""
         pixels = np.ascontiguousarray(self)
         if pixels.ndim != 3 or pixels.shape[2] != 4 or pixels.dtype != np.uint8:
-            raise ValueError(f"a picture is uint8 of shape (height, width, 4), not {pixels.dtype} of {pixels.shape}")
+            raise ValueError(f"an image is uint8 of shape (height, width, 4), not {pixels.dtype} of {pixels.shape}")
         return _native.png(pixels.tobytes(), pixels.shape[1], pixels.shape[0])
 
     def save(self, path: Any) -> None:
@@ -58,12 +58,12 @@ def render(
     fine: bool = False,
     **options: Any,
 ) -> Picture:
-    """Draw a mesh.
+    """Render a mesh.
 
     Parameters
     ----------
-    mesh : array of shape (n, 3) and one of triangles, a mesh, or a path
-        A file is drawn with its materials and images, as ``lodsmith render`` does, with its options.
+    mesh : array of shape (n, 3) and an array of triangles, a mesh, or a path
+        A file is rendered with its materials and images, like ``lodsmith render`` and with its options.
     size : (int, int)
         Width and height in pixels.
     view : str
@@ -77,11 +77,11 @@ def render(
     heat : array, shape (n,), optional
         A value for each vertex, shown as colours.
     range : (float, float), optional
-        Values at the ends of the colours; by default 0 to the largest.
+        Values at the ends of the colour scale; by default 0 and the largest.
     colors : str
-        Colours of ``heat``: ``"turbo"``, ``"viridis"`` or ``"diverging"``.
+        Colour scale of ``heat``: ``"turbo"``, ``"viridis"`` or ``"diverging"``.
     fine : bool
-        Sixteen samples for each pixel instead of four.
+        Use 16 samples for each pixel instead of 4.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def render(
         words["background"] = "transparent"
     if isinstance(mesh, (str, os.PathLike)):
         if heat is not None:
-            raise TypeError("heat= is for arrays and meshes; for files see compare= and shading='heat'")
+            raise TypeError("heat= is for arrays and meshes; for files, use compare= and shading='heat'")
         if color is not None:
             words["color"] = "#" + "".join(f"{round(255 * x):02x}" for x in color)
         return job("render", [mesh], {**words, **options}).view(Picture)

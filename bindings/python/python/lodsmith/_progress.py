@@ -26,7 +26,7 @@ class _Bar:
 
 
 class Reporting:
-    """Context of a run: ``callback`` receives its progress; the end is reported if the run ends well."""
+    """Context of a run: ``callback`` receives its progress; the end is reported if the run succeeds."""
 
     def __init__(self, progress: Any) -> None:
         self.own = None
@@ -37,7 +37,7 @@ class Reporting:
             try:
                 from tqdm.auto import tqdm
             except ImportError as e:
-                raise ImportError("progress=True needs the package tqdm; a function of (done, stage) needs nothing") from e
+                raise ImportError("progress=True needs the package tqdm; a function of (done, stage) does not") from e
             self.own = progress = tqdm(
                 total=1.0, bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}", leave=False
             )

@@ -20,14 +20,14 @@ _RUN = ("attributes", "locked", "importance", "progress", "time_limit")
 
 
 class SourceMap:
-    """Where each vertex of a result comes from on the original.
+    """The source of each vertex of a result on the original.
 
     Attributes
     ----------
     vertices : array of int64, shape (k,)
-        The row of the original that was kept, or -1 for a vertex at a new place.
+        The row of the original that was kept, or -1 for a vertex at a new position.
     faces : array of int64, shape (k,)
-        A face of the original, the nearest one; -1 where there is none.
+        The nearest face of the original; -1 if there is none.
     weights : array of float32, shape (k, 3)
         Barycentric weights of the corners of that face: none negative, sum 1.
     """
@@ -39,10 +39,10 @@ class SourceMap:
         self._corners = original.faces
 
     def transfer(self, values: Any) -> np.ndarray:
-        """Blend values of the original's vertices, ``(n,)`` or ``(n, ...)``, for the vertices of the result.
+        """Interpolate values at the vertices of the original, ``(n,)`` or ``(n, ...)``, for the vertices of the result.
 
-        Integers are taken from the corner with the largest weight. Where that corner is NaN the result is, and other NaN
-        do not count. Rows without a source become NaN, or 0.
+        Integers are taken from the corner with the largest weight. If that corner is NaN, the result is NaN; other NaN
+        are ignored. Rows without a source become NaN, or 0.
         """
         values = np.asarray(values)
         corners = self._corners[np.maximum(self.faces, 0)]
@@ -50,8 +50,8 @@ class SourceMap:
         carried = values[nearest]
         nowhere: Any = 0
         if values.dtype.kind not in "iub":
-            # From the nearest corner on, so that rounded weights do not scale large numbers; those that are NaN
-            # do not count.
+            # Differences from the nearest corner are weighted, so that rounded weights do not scale large numbers; NaN
+            # are ignored.
             wide = np.result_type(values.dtype, np.float64)
             blended, shape = carried.astype(wide), (-1,) + (1,) * (values.ndim - 1)
             for k in range(3):
@@ -72,7 +72,7 @@ class Result(Mesh):
     Attributes
     ----------
     report : dict
-        Counts, the reason of the end and the error, with the keys of ``lodsmith simplify --json``. Lengths are in the
+        Counts, what ended the run, and the error, with the keys of ``lodsmith simplify --json``. Lengths are in the
         units of the mesh.
     """
 
@@ -81,7 +81,7 @@ class Result(Mesh):
 
     @property
     def source(self) -> SourceMap:
-        """Where each vertex comes from on the original (:class:`SourceMap`); computed when first asked for."""
+        """The source of each vertex on the original (:class:`SourceMap`); computed at the first access."""
         if getattr(self, "_source", None) is None:
             if self._original is None:
                 raise ValueError("the original of this mesh is not known")
@@ -96,9 +96,9 @@ class Level(Result):
     Attributes
     ----------
     distance : float
-        Distance to the eye from which on the level is close enough, in the units of the mesh.
+        Distance from the camera from which on the level is accurate enough, in the units of the mesh.
     geomorph : array, shape (n, 3), or None
-        The position of each vertex on the next coarser level, if asked for.
+        The position of each vertex on the next coarser level, if requested.
     """
 
     distance: float
@@ -109,7 +109,7 @@ def _back(result: Mesh, kind: Any, given: Any) -> Any:
     return result if kind is None else kind.give(result, given)
 
 
-def _tell(made: Iterable[Dict[str, Any]]) -> None:
+def _warn(made: Iterable[Dict[str, Any]]) -> None:
     """Issue the warnings of results, each once."""
     for text in dict.fromkeys(text for one in made for text in one["warnings"]):
         warnings.warn(text, LodsmithWarning, stacklevel=3)
@@ -125,7 +125,7 @@ def _result(made: Dict[str, Any], original: MeshArrays, sent: SimpleNamespace, k
 
 
 def _make_exact(result: Result, original: MeshArrays, sent: SimpleNamespace) -> None:
-    """Fetch from the original what the engine did not carry to the last bit."""
+    """Copy from the original the values that the engine rounded."""
     rounded = [name for name, carried in sent.carried.items() if not carried.is_exact]
     own = [name for name in ("normals", "uvs", "colors") if _is_wide(getattr(original, name))]
     if not rounded and not own:
@@ -142,7 +142,7 @@ def _make_exact(result: Result, original: MeshArrays, sent: SimpleNamespace) -> 
         name: result.attributes[name] for name in {**original.attributes, **result.attributes} if name in result.attributes
     }
     for name in own:
-        # A run may have changed these where the vertex stayed: normals are of length 1, say.
+        # A run may have changed values of kept vertices: for example, normals get length 1.
         got, given = getattr(result, name), getattr(original, name)[rows]
         if got is not None and got.shape[1:] == given.shape[1:]:
             same = (got[kept].astype(np.float32) == given.astype(np.float32)).all(axis=1)
@@ -179,25 +179,25 @@ def simplify(
     mesh : array of shape (n, 3), or a mesh
         Positions in any unit, or a :class:`Mesh`, ``trimesh.Trimesh``, ``pyvista.PolyData`` or ``open3d`` mesh.
     triangles : array of integers, shape (m, 3)
-        With positions: three of their rows for each triangle, counter-clockwise seen from outside.
+        With positions: three rows of them for each triangle, counter-clockwise seen from outside.
     attributes : mapping, optional
         With positions: values of the vertices by name; see :class:`Mesh`.
     locked : array of bool, shape (n,), optional
-        Vertices that keep their position and attributes, to the bit.
+        Vertices that keep their position and attributes, bit for bit.
     importance : array, shape (n,), optional
-        Density of triangles that each vertex is to have, relative to a place of the same shape elsewhere; 1 is neutral.
+        Density of triangles around each vertex, relative to other places of the same shape; 1 is neutral.
     progress : function, ``tqdm`` bar or True, optional
         Called as ``progress(done, stage)`` a few times a second, ``done`` from 0 to 1; True shows a bar of tqdm.
     time_limit : float, optional
         Seconds after which the best result so far is returned.
     **options
         The options of ``lodsmith simplify``, with underscores: one or more targets (``faces=`` triangles, ``vertices=``,
-        ``ratio=``, ``error=``) and any of those that :func:`options` lists. Lengths are in the units of the mesh, or a
-        text such as ``"0.1%"`` for a share of the diagonal of its box; angles are in degrees.
+        ``ratio=``, ``error=``) and any option that :func:`options` lists. Lengths are in the units of the mesh, or a
+        text such as ``"0.1%"`` for a share of the diagonal of its bounding box; angles are in degrees.
 
     Returns
     -------
-    Result, or a mesh of the kind that was given
+    Result, or a mesh of the kind that was passed
 
     Raises
     ------
@@ -206,7 +206,7 @@ def simplify(
     ValueError
         For a value that an option does not take.
     InvalidMesh
-        For faces that name vertices that do not exist, and for a mesh without a face.
+        For faces with vertices that do not exist, and for a mesh without faces.
     KeyboardInterrupt
         After Ctrl-C, within a fraction of a second; the interpreter lock is released during the run.
 
@@ -228,7 +228,7 @@ def simplify(
         sent = to_native(given, scaled=True)
         made = _native.simplify(sent, keywords)
     result = _result(made, given, sent)
-    _tell([made])
+    _warn([made])
     return _back(result, kind, own)
 
 
@@ -253,7 +253,7 @@ def lod(
     time_limit: Optional[float] = None,
     **options: Any,
 ) -> List[Any]:
-    """Make levels of detail, from the finest; the original is not among them.
+    """Make levels of detail, the finest first, without the original.
 
     Parameters
     ----------
@@ -262,20 +262,20 @@ def lod(
     faces : sequence of int
         Numbers of triangles, in falling order.
     count, factor : int, float
-        Number of levels, and the fraction of the triangles of the level before that each keeps.
+        Number of levels, and the fraction of the triangles of the previous level that each level keeps.
     errors : sequence of float or str
         Largest deviations, in rising order, in units of the mesh or as shares of the diagonal (``"0.1%"``).
     geomorph : bool
-        Also give the position of each vertex on the next coarser level.
+        Also compute the position of each vertex on the next coarser level.
     pixels, fov, height : float
-        Largest visible deviation in pixels, vertical field of view in degrees, and height of the screen in pixels, for
-        :attr:`Level.distance`.
+        Largest permitted deviation on the screen in pixels, vertical field of view in degrees, and height of the screen
+        in pixels, for :attr:`Level.distance`.
 
     Other parameters are those of :func:`simplify`.
 
     Returns
     -------
-    list of Level, or of meshes of the kind that was given
+    list of Level, or of meshes of the kind that was passed
 
     Examples
     --------
@@ -286,9 +286,9 @@ def lod(
     check_names(options, "lod", _RUN + ("levels", "count", "factor", "errors", "geomorph", "pixels", "fov", "height"))
     for name in ("ratio", "error", "vertices"):
         if options.get(name) is not None:
-            raise TypeError(f"lod() takes levels=, faces=, count= or errors= in place of {name}=")
+            raise TypeError(f"lod() takes levels=, faces=, count= or errors= instead of {name}=")
     given, kind, own = arguments(mesh, triangles, attributes)
-    wanted = SimpleNamespace(
+    requested = SimpleNamespace(
         ratios=None if levels is None else [float(x) for x in levels],
         faces=None if faces is None else [int(x) for x in faces],
         count=count,
@@ -300,27 +300,27 @@ def lod(
     with Reporting(progress) as reporting:
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
         sent = to_native(given, scaled=True)
-        made, geomorphs = _native.lod(sent, wanted, keywords)
-    _tell(made)
+        made, geomorphs = _native.lod(sent, requested, keywords)
+    _warn(made)
     results = []
     for i, one in enumerate(made):
         level = _result(one, given, sent, Level)
         level.distance = one["distance"]
-        # Geomorphs begin with the original.
+        # The first geomorph is of the original.
         level.geomorph = _by_row(geomorphs[i + 1], level) if i + 1 < len(geomorphs) else None
         results.append(_back(level, kind, own))
     return results
 
 
 def _by_row(positions: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Values of places as values of rows."""
+    """Return values of vertices as values of rows."""
     return positions if mesh.vertex_map is None else positions[mesh.vertex_map]
 
 
 class Progressive:
-    """A progressive mesh: every level between the coarsest mesh and the input, at once.
+    """A progressive mesh: every level between the coarsest mesh and the input.
 
-    Parameters are those of :func:`simplify`; without a target it goes as far as possible.
+    Parameters are those of :func:`simplify`; without a target, the mesh is simplified as far as possible.
 
     Examples
     --------
@@ -347,7 +347,7 @@ class Progressive:
         given, self._kind, self._own = arguments(mesh, triangles, attributes)
         with Reporting(progress) as reporting:
             keywords = keywords_of(options, locked, importance, reporting.callback, None, given)
-            # (Not scaled: a file has the values as they are.)
+            # (Not scaled: a file has the original values.)
             self._sent = to_native(given)
             self._mesh = _native.ProgressiveMesh.build(self._sent, keywords)
         self._original: Optional[MeshArrays] = given
@@ -361,7 +361,7 @@ class Progressive:
         return made
 
     def save(self, path: Any, *, bits: Optional[int] = None) -> None:
-        """Write a ``.lpm`` file; ``bits`` rounds coordinates and makes it smaller."""
+        """Write a ``.lpm`` file; ``bits`` rounds coordinates and makes the file smaller."""
         if self._sent is not None:
             warn_of_lost_integers(path, self._sent)
         self._mesh.write(os.fspath(path), bits)
@@ -381,7 +381,7 @@ class Progressive:
         fit: bool = True,
     ) -> Any:
         """Return one level: by number, by a largest number of ``faces`` or ``vertices``, or by an estimated ``error`` in
-        units of the mesh. Without any, the finest. ``fit=False`` leaves out the fit to the original.
+        units of the mesh; without any of these, the finest. ``fit=False`` leaves out the fit to the original.
 
         ``report["error"]["estimate"]`` of the result is its estimated distance from the input.
         """
@@ -420,7 +420,7 @@ def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int
     Parameters
     ----------
     reference, candidate : meshes, or paths of files
-        The original and the mesh that is judged. A pair of arrays ``(vertices, faces)`` is a mesh too.
+        The original and the mesh to compare with it. A pair of arrays ``(vertices, faces)`` is a mesh too.
     samples : int
         Samples in each direction, spread by area; all vertices are measured in addition.
     seed : int
@@ -462,20 +462,21 @@ def clean(
     attributes: Optional[Mapping[str, Any]] = None,
     progress: Any = None,
 ) -> Any:
-    """Repair a mesh: merge vertices, drop broken faces, orient, treat non-manifold places.
+    """Repair a mesh: merge vertices, remove invalid faces, orient faces, treat non-manifold edges and vertices.
 
     Parameters
     ----------
     weld : float or str, optional
-        Merge vertices closer than this, in units or as a share of the diagonal (``"0.1%"``); coincident ones always are.
+        Merge vertices closer than this, in units or as a share of the diagonal (``"0.1%"``); by default only coincident
+        vertices are merged.
     non_manifold : str
-        ``"keep"``, ``"cut"`` (part the surface there) or ``"merge"`` (keep vertices apart, sew borders).
+        ``"keep"``, ``"cut"`` (cut the surface there) or ``"merge"`` (keep vertices separate, then join borders).
     prune : float or str, optional
-        Remove connected parts smaller than this (diagonal of their box).
+        Remove connected parts smaller than this (diagonal of their bounding box).
 
     Returns
     -------
-    Result, or a mesh of the kind that was given; the report counts what was done and what is left.
+    Result, or a mesh of the kind that was passed; the report counts repairs and remaining defects.
 
     Examples
     --------
@@ -492,7 +493,7 @@ def clean(
 
 
 def icosphere(subdivisions: int = 3) -> Mesh:
-    """Return a ball of radius 1: an icosahedron whose faces are divided into four this many times (20 x 4^n faces)."""
+    """Return a sphere of radius 1: an icosahedron whose faces are split into four this many times (20 x 4^n faces)."""
     t = (1 + 5**0.5) / 2
     v = np.array(
         [[-1, t, 0], [1, t, 0], [-1, -t, 0], [1, -t, 0], [0, -1, t], [0, 1, t]]
@@ -516,7 +517,7 @@ def icosphere(subdivisions: int = 3) -> Mesh:
 
 
 def options() -> List[Dict[str, Any]]:
-    """Return the options of simplification: name, kind, words, default (as text; None is off) and one sentence each.
+    """Return the options of simplification: name, kind, words, default (as text; None is off) and a help text.
 
     Examples
     --------

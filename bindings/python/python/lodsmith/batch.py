@@ -33,13 +33,13 @@ from ._run import icosphere
 
 __all__ = ["SCHEMA", "Place", "Plan", "Worker", "listed", "place", "plan", "run"]
 
-#: Endings of the files that a folder is searched for.
+#: Extensions of the files to find in a folder.
 ENDINGS = tuple("." + name for name in FORMATS)
 
-#: Assets of one task: few, so that little is begun again after a lost worker. Guessed.
+#: Assets of one task: few, so that little is repeated after a lost worker. Guessed.
 TASK = 8
 
-#: Share of the memory of a worker that its process may take; the rest is for the worker. Guessed.
+#: Share of the memory of a worker for its process; the rest is for the worker itself. Guessed.
 MEMORY_SHARE = 0.9
 
 
@@ -57,9 +57,9 @@ def place(where: Any, filesystem: Optional[fs.FileSystem] = None) -> Place:
 
 
 def listed(source: Place, without: Optional[Place] = None) -> List[str]:
-    """Return the models in a folder and the folders in it, as paths from there, in alphabetical order."""
+    """Return the models in a folder and its subfolders, as paths relative to it, in alphabetical order."""
     found = source.filesystem.get_file_info(fs.FileSelector(source.root, recursive=True))
-    # (The paths of some file systems begin with a slash, those of others do not.)
+    # (In some file systems, paths start with a slash.)
     start = len(source.root.strip("/"))
     outputs = without.root + "/" if without is not None and without.filesystem.equals(source.filesystem) else None
     names = []
@@ -87,7 +87,7 @@ def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
                 raise CommandError(f"{word}: a value is expected", 2, None)
             value = waiting.pop(0)
         given = True if not has_value and name in flags else value
-        # What is given again is one of several.
+        # An option that is given repeatedly is a list.
         options[name] = given if name not in options else [*_as_list(options[name]), given]
     return options
 
@@ -98,7 +98,7 @@ def _as_list(value: Any) -> List[Any]:
 
 def _json(options: Mapping[str, Any]) -> str:
     def plain(value: Any) -> Any:
-        # A value of NumPy, or a path.
+        # A NumPy value, or a path.
         return value.tolist() if hasattr(value, "tolist") else os.fspath(value)
 
     return json.dumps(dict(options), default=plain)
@@ -113,7 +113,7 @@ def plan(
     retries: int = 2,
     timeout: Optional[float] = None,
 ) -> Plan:
-    """Return the plan of a batch; options that ``lodsmith lod`` does not take are an error before any work."""
+    """Return the plan of a batch; unknown options of ``lodsmith lod`` are an error before any work."""
     made = Plan(source, target, _json(options), _json(limits), retries, timeout)
     with tempfile.TemporaryDirectory() as folder:
         icosphere(2).save(f"{folder}/try.ply")
@@ -144,29 +144,29 @@ def run(
     words: Sequence[str] = (),
     **options: Any,
 ) -> "pa.Table":
-    """Make levels of detail of all models of a folder through Ray Data, and a table of what came of each.
+    """Make levels of detail of all models of a folder through Ray Data, and a table of the results.
 
-    Outputs are the files of ``lodsmith lod IN -O OUTPUT/IN``. What an earlier run has completed from the same input
-    with the same options and version is kept. The cluster is that of ``ray.init``; without it one is started here.
+    Outputs are the files of ``lodsmith lod IN -O OUTPUT/IN``. Results that an earlier run completed from the same input
+    with the same options and version are kept. Uses the cluster of ``ray.init``; without one, starts a local cluster.
 
     Parameters
     ----------
     source, output : path or URI
-        Folders: local paths that all machines see, or URIs of :mod:`pyarrow.fs` such as ``s3://bucket/folder``.
+        Folders: local paths that all machines can access, or URIs of :mod:`pyarrow.fs` such as ``s3://bucket/folder``.
     names : iterable of str, optional
-        Assets as paths from ``source``, instead of all models in it.
+        Assets as paths relative to ``source``, instead of all models in it.
     filesystem, output_filesystem : pyarrow.fs.FileSystem, optional
-        File systems of the two, for those that no URI describes; the second is the first if it is not given.
+        File systems of source and output, if no URI describes them; the second defaults to the first.
     report : str, optional
-        Name of the report in ``output``; None writes none.
+        Name of the report in ``output``; None writes no report.
     workers : int or (int, int), optional
-        Number of workers, or the least and the most; each takes one core. By default all cores of the cluster.
+        Number of workers, or the smallest and the largest number; each takes one core. By default all cores of the cluster.
     retries : int
-        How often an asset is tried again whose process or worker ended, or whose file could not be read or written.
+        Number of further attempts for an asset whose process or worker ended, or whose file could not be read or written.
     timeout : float, optional
         Seconds after which an asset fails and its process is ended.
     words : sequence of str
-        Arguments of ``lodsmith lod`` as typed.
+        Arguments of ``lodsmith lod`` as in a shell.
     **options
         Options of ``lodsmith lod``, as for :func:`lodsmith.lod_file`: ``levels=[0.5, 0.25]``, ``border="lock"`` ...
 
@@ -196,7 +196,7 @@ def run(
     table = _treated(ray, made, assets, workers or cores)
     seen = Counter(zip(table["input"].to_pylist(), table["level"].to_pylist()))
     if max(seen.values(), default=1) > 1 or {name for name, _ in seen} != set(assets):
-        raise RuntimeError("rows of the report were lost or came twice")
+        raise RuntimeError("rows of the report were lost or duplicated")
     table = table.sort_by([("input", "ascending"), ("level", "ascending")])
     table = table.replace_schema_metadata({"lodsmith": __version__, "options": made.options})
     if report is not None:
@@ -207,7 +207,7 @@ def run(
 
 
 def _treated(ray: Any, plan: Plan, assets: List[str], workers: Union[int, Tuple[int, int]]) -> "pa.Table":
-    """The rows of all assets; a task that a worker took with it is done again by Ray."""
+    """Return the rows of all assets; Ray repeats the task of a lost worker."""
     if not assets:
         return SCHEMA.empty_table()
     most = workers if isinstance(workers, int) else workers[1]
@@ -227,17 +227,17 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m lodsmith.batch",
         description="Make levels of detail of all models of a folder on a Ray cluster. Options that are not listed here "
-        "are those of lodsmith lod: --levels 0.5,0.25, --border lock and so on.",
+        "are passed to lodsmith lod: --levels 0.5,0.25, --border lock and so on.",
     )
     parser.add_argument("source", metavar="IN", help="folder: a path, or a URI such as s3://bucket/folder")
     parser.add_argument("output", metavar="OUT", help="folder for the levels and the report")
-    parser.add_argument("--names", metavar="FILE", help="assets as paths from IN, one a line, instead of all models in it")
+    parser.add_argument("--names", metavar="FILE", help="file with assets as paths relative to IN, one per line [default: all models in IN]")
     parser.add_argument("--report", default="report.parquet", metavar="NAME", help="name of the report in OUT")
     parser.add_argument("--workers", type=int, metavar="N", help="number of workers, one core each [default: all cores]")
     parser.add_argument("--retries", type=int, default=2, metavar="N", help="further attempts after a lost process or file [default: 2]")
     parser.add_argument("--timeout", type=float, metavar="S", help="seconds after which an asset fails")
-    parser.add_argument("--max-memory", metavar="SIZE", help="memory of the process of each worker [default: its share of the cluster's]")
-    parser.add_argument("--address", metavar="ADDRESS", help="address of a Ray cluster; without it one is started here")
+    parser.add_argument("--max-memory", metavar="SIZE", help="memory of the process of each worker [default: its share of the memory of the cluster]")
+    parser.add_argument("--address", metavar="ADDRESS", help="address of a Ray cluster [default: start a local one]")
     return parser
 
 
