@@ -119,6 +119,13 @@ pub struct BakeOptions {
     pub memory: u64,
 }
 
+impl Default for BakeOptions {
+    /// Returns options without maps.
+    fn default() -> Self {
+        Self::new([])
+    }
+}
+
 impl BakeOptions {
     /// The sizes that [`BakeOptions::size`] may have.
     pub const SIZES: std::ops::RangeInclusive<usize> = 16..=16384;

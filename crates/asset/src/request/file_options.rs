@@ -313,6 +313,7 @@ mod tests {
 
     use super::*;
     use crate::destination::Up;
+    use crate::values::LEVEL_FACTOR;
 
     fn given(verb: Verb, options: Value) -> Result<FileOptions, AssetError> {
         let Value::Object(options) = options else { panic!("options are an object") };
@@ -348,6 +349,7 @@ mod tests {
                 assert_eq!(options.bake.maps, [MapKind::Normal, MapKind::Color, MapKind::Occlusion]);
                 options.bake.maps.clear();
             }
+            assert!(options.factor.take().is_none_or(|factor| factor == LEVEL_FACTOR));
             assert_eq!(options, FileOptions::default(), "{}", verb.name());
         }
     }

@@ -19,7 +19,7 @@ use crate::picture::PictureRecipe;
 use crate::values::LEVEL_FACTOR;
 
 /// The options of a job on files; each is a field or a part of one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileOptions {
     /// Options of the engine by name.
     pub(super) engine: Vec<(&'static str, OptionValue<'static>)>,
@@ -45,7 +45,7 @@ pub struct FileOptions {
     pub(super) faces: Vec<usize>,
     pub(super) errors: Vec<Length>,
     pub(super) count: Option<usize>,
-    pub(super) factor: f64,
+    pub(super) factor: Option<f64>,
     /// Naming of levels.
     pub naming: Naming,
     /// Template of the file names of levels or frames in a folder.
@@ -66,41 +66,6 @@ pub struct FileOptions {
     pub time_limit: Option<f64>,
     /// Memory limit of a step, in bytes.
     pub max_memory: Option<u64>,
-}
-
-impl Default for FileOptions {
-    fn default() -> Self {
-        Self {
-            engine: Vec::new(),
-            given: Vec::new(),
-            from: None,
-            asset_root: None,
-            allow_outside: false,
-            names: PartNames::default(),
-            normals: Normals::default(),
-            bake: BakeOptions::new([]),
-            map_files: false,
-            to: None,
-            writing: Writing::default(),
-            clean: CleanOptions::default(),
-            ratios: Vec::new(),
-            faces: Vec::new(),
-            errors: Vec::new(),
-            count: None,
-            factor: LEVEL_FACTOR,
-            naming: Naming::default(),
-            name: None,
-            geomorph: false,
-            screen: Screen::default(),
-            #[cfg(feature = "pictures")]
-            picture: PictureRecipe::default(),
-            dry_run: false,
-            strict: false,
-            threads: None,
-            time_limit: None,
-            max_memory: None,
-        }
-    }
 }
 
 impl FileOptions {
@@ -153,7 +118,7 @@ impl FileOptions {
     pub(crate) fn levels(&self) -> Result<LodOptions, AssetError> {
         let Self { ratios, faces, errors, factor, .. } = self;
         let mut options = LodOptions::new(match self.count {
-            Some(count) => Levels::Steps { count, factor: *factor },
+            Some(count) => Levels::Steps { count, factor: factor.unwrap_or(LEVEL_FACTOR) },
             None if !errors.is_empty() => Levels::Errors(errors.clone()),
             None if !faces.is_empty() => Levels::Faces(faces.clone()),
             None if !ratios.is_empty() => Levels::Ratios(ratios.clone()),

@@ -41,7 +41,7 @@ file_options! {
         |o, v| o.errors.push(parsed(v, length)?);
     "factor" (Ratio) [Lod] Levels "F"
         "With --count, the fraction of the triangles of the previous level that each level keeps"
-        default "0.5" needs "count" excludes "levels" "faces" "errors" |o, v| o.factor = parsed(v, below_one)?;
+        default "0.5" needs "count" excludes "levels" "faces" "errors" |o, v| o.factor = Some(parsed(v, below_one)?);
 
     "pixels" (Number) [Lod] Switching "N" "Largest permitted deviation on the screen, in pixels"
         default "1" |o, v| o.screen.pixels = parsed(v, above_zero)?;
