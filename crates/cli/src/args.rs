@@ -1,5 +1,5 @@
-//! Command-line arguments. Options of jobs on files and of simplification come from tables in the libraries, as do their
-//! defaults.
+//! Command-line arguments. Options of jobs on files and of simplification, and their defaults, come from tables in the
+//! libraries.
 
 mod bake;
 mod batch_files;
@@ -33,10 +33,10 @@ use table::{InScope, OfConvert, OfInfo, Options, Part};
 pub(crate) use table::{Loudness, Printing, Reading, Run, threads};
 
 const STATUSES: &str = "\
-Exit status: 0 done; 1 the file, the mesh or the system is at fault; 2 the command line is at fault;
+Exit status: 0 success; 1 error in a file, a mesh or the system; 2 error in the command line;
 3 only with --strict: target not reached or data dropped.";
 
-/// Makes triangle meshes lighter: the closest mesh for the count.
+/// Simplify triangle meshes: the closest mesh for a given number of triangles.
 #[derive(Debug, Parser)]
 #[command(name = "lodsmith", version, max_term_width = 110, after_help = STATUSES)]
 pub(crate) struct Cli {
@@ -58,14 +58,14 @@ pub(crate) enum Command {
     Convert(ConvertArgs),
     /// Repair a mesh: merge vertices, orient faces, remove broken ones
     Clean(Box<CleanArgs>),
-    /// Bake the detail of one model into textures of a lighter one
+    /// Bake the detail of a high-poly model into textures of a low-poly model
     Bake(Box<BakeArgs>),
     /// Compare all methods on one model: time, error, validity
     Methods(Box<MethodsArgs>),
     /// Store all levels of a mesh in one file, and extract any of them
     #[command(subcommand)]
     Progressive(Progressive),
-    /// Render a picture without opening a window
+    /// Render an image without opening a window
     Render(Box<RenderArgs>),
     /// Open a window with the original and the result side by side
     View(ViewArgs),
@@ -83,7 +83,7 @@ pub(crate) enum Command {
     },
 }
 
-/// A job on files, as it was typed.
+/// The arguments of a job on files.
 pub(crate) struct JobArgs<'a> {
     pub(crate) verb: Verb,
     pub(crate) options: &'a FileOptions,
@@ -109,12 +109,12 @@ impl<'a> JobArgs<'a> {
     /// Returns the job with its options.
     ///
     /// # Errors
-    /// A usage error for options that do not go together.
+    /// A usage error for options that exclude each other.
     pub(crate) fn request(&self) -> anyhow::Result<Request> {
         Ok(Request::of(self.verb, self.options.clone())?)
     }
 
-    /// Returns where it reads and writes.
+    /// Returns the inputs and outputs.
     pub(crate) fn places(&self) -> Places<'_> {
         let Self { output, out_dir, name, .. } = *self;
         Places { inputs: &self.inputs, output, out_dir, name, json: self.printing.json }
@@ -122,7 +122,7 @@ impl<'a> JobArgs<'a> {
 }
 
 impl Command {
-    /// Returns the job, if the command is one on files.
+    /// Returns the arguments of the job, if the command is a job on files.
     pub(crate) fn job(&self) -> Option<JobArgs<'_>> {
         Some(match self {
             Self::Simplify(args) => JobArgs::of_files(&args.files, &args.options, args.printing),
@@ -159,8 +159,8 @@ impl Command {
         Some(&run.limits)
     }
 
-    /// Returns the seconds after which the process ends, for commands without a partial result. (The others
-    /// return the best result they have by then.)
+    /// Returns the seconds after which the process ends, for commands without a partial result. (The other
+    /// commands return their best result so far.)
     pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
         match self {
             Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) => None,
@@ -188,17 +188,17 @@ pub(crate) struct CompareArgs {
     /// The mesh to compare with it
     #[arg(value_name = "CANDIDATE")]
     pub(crate) candidate: Source,
-    /// Write a heat map of the distances on the reference, from blue (none) to red (largest), as a mesh (.ply) or a
-    /// picture (.png, .jpg, .webp)
+    /// Write a heat map of the distances on the reference, from blue (0) to red (largest), as a mesh (.ply) or an
+    /// image (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT")]
     pub(crate) heatmap: Option<PathBuf>,
-    /// Also render both from N sides and measure how different the pictures look
+    /// Also render both meshes from N directions and measure how different the images look
     #[arg(long, value_name = "N", value_parser = count)]
     pub(crate) views: Option<usize>,
-    /// Size of these pictures
+    /// Size of these images
     #[arg(long, value_name = "WxH", value_parser = words::size, default_value = "512x512", requires = "views")]
     pub(crate) size: [usize; 2],
-    /// Write these pictures, the reference first in each pair (.png, .jpg, .webp)
+    /// Write these images as one contact sheet, the reference first in each pair (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", requires = "views")]
     pub(crate) views_sheet: Option<PathBuf>,
     /// Overwrite inputs and write-protected files (never folders)
@@ -221,7 +221,7 @@ pub(crate) struct CompareArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ViewArgs {
-    /// Files to open, or a session; without any, the window opens empty
+    /// Files to open, or a session; without files, the window opens empty
     #[arg(value_name = "IN")]
     pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_grammar_is_sound() {
+    fn the_argument_definitions_are_valid() {
         Cli::command().debug_assert();
     }
 }

@@ -1,4 +1,4 @@
-//! End of a run: interrupts, and errors made of panics.
+//! The end of a run: interrupts, time limits, and panics as errors.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
@@ -12,10 +12,10 @@ use anyhow::{Context as _, anyhow};
 use crate::output;
 use crate::status::{Interrupted, Status};
 
-/// Exit code for the signal that asked the process to end; 0 before any.
+/// Exit code for the signal that asked the process to end; 0 before any signal.
 static ENDED_WITH: AtomicU8 = AtomicU8::new(0);
-/// Held shared while a file is written, exclusively by whoever ends the process, so that no partial file is
-/// left behind.
+/// Held shared while a file is written, and exclusively to end the process, so that no partial file is left
+/// behind.
 static WRITING: RwLock<()> = RwLock::new(());
 
 /// Returns true after a signal has asked the process to end.
@@ -43,11 +43,11 @@ pub(crate) fn catch_interrupts() {
 
 fn end(status: u8) {
     ENDED_WITH.store(status, Ordering::Relaxed);
-    let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+    let _exclusive = WRITING.write().unwrap_or_else(PoisonError::into_inner);
     std::process::exit(i32::from(status));
 }
 
-/// Returns the exit code of a status; after a signal, the one of the signal.
+/// Returns the exit code of a status; after a signal, the exit code for that signal.
 pub(crate) fn code(status: Status) -> ExitCode {
     match ENDED_WITH.load(Ordering::Relaxed) {
         by if status == Status::Interrupted && by != 0 => ExitCode::from(by),
@@ -55,14 +55,15 @@ pub(crate) fn code(status: Status) -> ExitCode {
     }
 }
 
-/// Returns the signals that end a run. One that `nohup` ignores is left out.
+/// Returns the signals that end a run, without SIGHUP if `nohup` ignores it.
 #[cfg(unix)]
 fn ending_signals(is_hangup_ignored: bool) -> Vec<i32> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     if is_hangup_ignored { vec![SIGINT, SIGTERM] } else { vec![SIGINT, SIGTERM, SIGHUP] }
 }
 
-/// Returns true if the process was started to ignore SIGHUP, as by `nohup`. Known on Linux only.
+/// Returns true if the process was started with SIGHUP ignored, for example by `nohup`. Always false except on
+/// Linux.
 #[cfg(unix)]
 fn is_hangup_ignored() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -72,8 +73,8 @@ fn is_hangup_ignored() -> bool {
     ignored.is_some_and(|bits| bits & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
 }
 
-/// Ends the process with an error after this many seconds, whatever it is doing: a file that is being written
-/// is complete or removed first, as with [`catch_interrupts`].
+/// Ends the process with an error after this many seconds, whatever it is doing then: a file that is being
+/// written is completed or removed first, as with [`catch_interrupts`].
 ///
 /// # Errors
 /// If no thread can be started.
@@ -87,15 +88,15 @@ pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
 }
 
 /// Ends the process with an error, whatever its other threads are doing: a file that is being written is
-/// complete or removed first.
+/// completed or removed first.
 pub(crate) fn end_with(error: &str) -> ! {
-    let _alone = WRITING.write().unwrap_or_else(PoisonError::into_inner);
+    let _exclusive = WRITING.write().unwrap_or_else(PoisonError::into_inner);
     output::error(error);
     std::process::exit(Status::Failed as i32);
 }
 
-/// Turns an abort into an exit with status 1, without a core dump: Rust prints one line and aborts if the
-/// system refuses memory. A file that is being written is left behind as after SIGKILL.
+/// Turns an abort into an exit with status 1, without a core dump: if an allocation fails, Rust prints one line
+/// and aborts. A partial file is left behind, as after SIGKILL.
 pub(crate) fn end_quietly_on_abort() {
     #[cfg(unix)]
     {
@@ -111,7 +112,7 @@ pub(crate) fn end_quietly_on_abort() {
 /// Delays interrupts while a file is written.
 ///
 /// # Errors
-/// [`Interrupted`] if an interrupt came before.
+/// [`Interrupted`] if the run was interrupted before.
 pub(crate) fn writing() -> Result<RwLockReadGuard<'static, ()>, Interrupted> {
     let guard = WRITING.read().unwrap_or_else(PoisonError::into_inner);
     if interrupted() { Err(Interrupted) } else { Ok(guard) }
@@ -123,7 +124,8 @@ thread_local! {
     static OWN_PANIC: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Reduces panics to errors of one line ([`guarded`]); with `RUST_BACKTRACE` the full report is printed.
+/// Stores the message of a panic for [`guarded`] instead of printing it; with `RUST_BACKTRACE`, the full report
+/// is printed.
 pub(crate) fn shorten_panics() {
     if std::env::var_os("RUST_BACKTRACE").is_some() {
         return;
@@ -136,7 +138,7 @@ pub(crate) fn shorten_panics() {
 }
 
 fn describe(info: &PanicHookInfo<'_>) -> String {
-    let what = info.payload_as_str().unwrap_or("no words for it").replace('\n', " ");
+    let what = info.payload_as_str().unwrap_or("panic without a message").replace('\n', " ");
     match info.location() {
         Some(at) => format!("{what} ({}:{})", at.file(), at.line()),
         None => what,
@@ -146,18 +148,19 @@ fn describe(info: &PanicHookInfo<'_>) -> String {
 /// Calls a function and turns a panic in it into an error.
 pub(crate) fn guarded<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
-        // A panic in a thread of a pool leaves its message only in the shared place.
+        // A panic in a thread of a pool stores its message only in the shared variable.
         let own = OWN_PANIC.with(RefCell::take);
         let last = std::mem::take(&mut *LAST_PANIC.lock().unwrap_or_else(PoisonError::into_inner));
-        // Without the hook of the command there is only what the panic said.
-        let said = || {
+        // Without the panic hook of the command, only the payload of the panic is known.
+        let payload_text = || {
             payload
                 .downcast_ref::<String>()
                 .cloned()
                 .or_else(|| Some((*payload.downcast_ref::<&str>()?).into()))
         };
-        let text = [own, last].into_iter().find(|text| !text.is_empty()).or_else(said).unwrap_or_default();
-        Err(anyhow!("a fault of this program, please report it: {text}"))
+        let text =
+            [own, last].into_iter().find(|text| !text.is_empty()).or_else(payload_text).unwrap_or_default();
+        Err(anyhow!("internal error, please report it: {text}"))
     })
 }
 
@@ -167,7 +170,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_terminal_that_closes_ends_a_run_unless_nohup_is_asked_for() {
+    fn a_closing_terminal_ends_a_run_except_under_nohup() {
         use signal_hook::consts::SIGHUP;
         assert!(ending_signals(false).contains(&SIGHUP) && !ending_signals(true).contains(&SIGHUP));
     }

@@ -1,4 +1,4 @@
-//! Reading and writing of what is not an asset: meshes that are only looked at, progressive meshes, pictures.
+//! Reading and writing without a job of `lodsmith_asset`: meshes to measure, progressive meshes, images.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -20,7 +20,7 @@ pub(crate) fn read(source: &Source, reading: &Reading) -> anyhow::Result<Loaded>
     read_with(source, reading, Vec::new())
 }
 
-/// Reads a file as one mesh and, in addition, these properties of vertices. The error does not name the source.
+/// Reads a file as one mesh, with these additional vertex properties. The error does not name the source.
 pub(crate) fn read_with(
     source: &Source,
     reading: &Reading,
@@ -42,7 +42,7 @@ fn unnamed(error: ReadError) -> anyhow::Error {
     AssetError::from(error).into()
 }
 
-/// Writes a picture completely or not at all.
+/// Writes an image completely or not at all.
 pub(crate) fn write_picture(
     picture: &Image,
     sink: &Sink,
@@ -52,7 +52,7 @@ pub(crate) fn write_picture(
     Ok(writer(|job| picture::write_picture(picture, sink, format, force, job))?)
 }
 
-/// Does the writing of a job that has no other steps.
+/// Runs a job that only writes.
 pub(crate) fn writer<T>(write: impl FnOnce(&mut Job<'_>) -> Result<T, AssetError>) -> Result<T, AssetError> {
     let progress = Progress::new(1, true);
     let bar = progress.file("");

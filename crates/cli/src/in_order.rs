@@ -21,9 +21,9 @@ pub(crate) fn pool(threads: usize) -> anyhow::Result<ThreadPool> {
 
 /// Processes each item and passes on the results in the order of the items, each as soon as possible.
 ///
-/// At most `threads` items are processed at once, which bounds memory. Each worker has a pool of its own with
-/// its share of the threads: in a common pool, one item would wait inside another, and times could not be
-/// attributed to items. Work that must not depend on which item is faster waits for its [`Turn`].
+/// At most `threads` items are processed at once, which bounds memory. Each worker has its own pool with its
+/// share of the threads: in a common pool, the work of one item could run inside a wait of another, and times
+/// could not be attributed to items. Work that must not depend on which item is faster waits for its [`Turn`].
 ///
 /// # Errors
 /// If threads cannot be started.
@@ -31,7 +31,7 @@ pub(crate) fn process_in_order<T: Sync, R: Send>(
     items: &[T],
     threads: usize,
     work: impl Fn(&T, &Turn<'_>) -> R + Sync,
-    mut answer: impl FnMut(usize, R),
+    mut on_result: impl FnMut(usize, R),
 ) -> anyhow::Result<()> {
     let workers = items.len().min(threads).max(1);
     let pools: Vec<ThreadPool> =
@@ -54,19 +54,19 @@ pub(crate) fn process_in_order<T: Sync, R: Send>(
         }
         drop(send);
         let mut waiting: Vec<Option<R>> = items.iter().map(|_| None).collect();
-        let mut due = 0;
+        let mut next_index = 0;
         for (i, result) in receive {
             waiting[i] = Some(result);
-            while let Some(result) = waiting.get_mut(due).and_then(Option::take) {
-                answer(due, result);
-                due += 1;
+            while let Some(result) = waiting.get_mut(next_index).and_then(Option::take) {
+                on_result(next_index, result);
+                next_index += 1;
             }
         }
     });
     Ok(())
 }
 
-/// Place of an item in the order, until its processing has ended.
+/// Position of an item in the order, until its processing has ended.
 pub(crate) struct Turn<'e> {
     index: usize,
     ended: &'e FinishedItems,
@@ -77,8 +77,8 @@ impl Turn<'_> {
     /// order.
     pub(crate) fn wait(&self) {
         let guard = self.ended.lock();
-        let is_open = |state: &mut State| state.all_before < self.index;
-        drop(self.ended.changed.wait_while(guard, is_open).unwrap_or_else(PoisonError::into_inner));
+        let has_unfinished = |state: &mut State| state.all_before < self.index;
+        drop(self.ended.changed.wait_while(guard, has_unfinished).unwrap_or_else(PoisonError::into_inner));
     }
 }
 
@@ -89,7 +89,7 @@ impl Drop for Turn<'_> {
     }
 }
 
-/// State of finished items, shared by the workers.
+/// The finished items, shared by the workers.
 #[derive(Default)]
 struct FinishedItems {
     state: Mutex<State>,
@@ -106,7 +106,7 @@ impl FinishedItems {
 struct State {
     /// Number of leading items that are all finished.
     all_before: usize,
-    /// Finished items after those.
+    /// Finished items after the leading ones.
     others: BTreeSet<usize>,
 }
 
@@ -124,7 +124,7 @@ fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
     items.get(i).map(|item| (i, item))
 }
 
-/// Returns the number of threads of worker `w`: the remainder of the division goes to the first ones.
+/// Returns the number of threads of worker `w`; the first workers get one more if the division has a remainder.
 fn share(threads: usize, workers: usize, w: usize) -> usize {
     (threads / workers + usize::from(w < threads % workers)).max(1)
 }
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_come_in_the_order_of_the_items() {
+    fn results_come_in_the_order_of_the_items() {
         let items: Vec<u64> = (0..20).rev().collect();
         let mut got = Vec::new();
         let work = |x: &u64, _: &Turn<'_>| {
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_are_shared_out_without_rest() {
+    fn all_threads_are_distributed() {
         assert_eq!((0..3).map(|w| share(8, 3, w)).collect::<Vec<_>>(), [3, 3, 2]);
         let mut seen = 0;
         process_in_order(&[()], 3, |(), _| rayon::current_num_threads(), |_, n| seen = n).unwrap();

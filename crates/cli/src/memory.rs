@@ -1,6 +1,6 @@
-//! Memory limit of the process: `--max-memory`, or a fraction of the machine's memory.
+//! Memory limit of the process: `--max-memory`, or a fraction of the memory of the machine.
 //!
-//! [`check`] refuses a step before it begins if its need, computed from counts, exceeds the limit.
+//! [`check`] refuses a step before it starts if the memory that it needs, computed from counts, exceeds the limit.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -11,13 +11,13 @@ use lodsmith_io::Limits;
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
 /// Sets the memory limit of the process, and returns it.
-pub(crate) fn set_limit(typed: Option<u64>) -> u64 {
-    let limit = typed.unwrap_or_else(Job::default_memory);
+pub(crate) fn set_limit(given: Option<u64>) -> u64 {
+    let limit = given.unwrap_or_else(Job::default_memory);
     LIMIT.store(limit, Ordering::Relaxed);
     limit
 }
 
-/// Returns the limits of readers, including that on memory.
+/// Returns the limits of readers, including the memory limit.
 pub(crate) fn limits() -> Limits {
     let mut limits = Limits::default();
     limits.memory = limit();
@@ -32,7 +32,7 @@ pub(crate) fn limit() -> u64 {
 /// Refuses a step that would exceed the memory limit.
 ///
 /// # Errors
-/// One line that names the step, its need, the limit and the option.
+/// One line with the step, the memory that it needs, the limit and the option.
 pub(crate) fn check(step: &str, need: u64) -> anyhow::Result<()> {
     Ok(lodsmith_asset::check_memory(step, need, limit())?)
 }

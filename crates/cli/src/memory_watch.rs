@@ -1,5 +1,5 @@
-//! Enforcement of the memory limit: counts do not cover everything, so a thread compares the memory that the
-//! process really holds with the limit.
+//! Enforcement of the memory limit: estimates from counts do not cover everything, so a thread compares the
+//! memory that the process actually uses with the limit.
 
 use std::time::Duration;
 
@@ -25,8 +25,8 @@ pub(crate) fn start(limit: u64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Restarts the program with one heap arena for all threads. By default glibc reserves 64 MiB of addresses
-/// for each thread; with a limit on addresses (`ulimit -v`) these run out before the memory does.
+/// Restarts the program with one heap arena for all threads. By default, glibc reserves 64 MiB of address space
+/// for each thread; with a limit on the address space (`ulimit -v`), it runs out before the memory does.
 #[cfg(target_os = "linux")]
 fn with_one_arena() {
     use std::os::unix::process::CommandExt as _;
@@ -35,22 +35,22 @@ fn with_one_arena() {
         return;
     }
     let Ok(program) = std::env::current_exe() else { return };
-    let mut words = std::env::args_os();
+    let mut arguments = std::env::args_os();
     let mut command = std::process::Command::new(program);
-    if let Some(name) = words.next() {
+    if let Some(name) = arguments.next() {
         command.arg0(name);
     }
     // `exec` returns only if it failed; then the program continues as it is.
-    let _ = command.args(words).env(ARENAS, "1").exec();
+    let _ = command.args(arguments).env(ARENAS, "1").exec();
 }
 
-/// Ends the process when it holds more than the limit. In ten milliseconds some ten megabytes of memory can
-/// be filled.
+/// Ends the process when it uses more than the limit. In the ten milliseconds between two checks, about ten
+/// megabytes of memory can be filled.
 fn watch(limit: u64) {
     loop {
-        if machine::resident_bytes().is_some_and(|taken| taken > limit) {
+        if machine::resident_bytes().is_some_and(|used| used > limit) {
             exit::end_with(&format!(
-                "this takes more memory than the limit of {} (--max-memory; several files at once need less with --threads 1)",
+                "more memory is needed than the limit of {} (--max-memory; with several files, --threads 1 needs less)",
                 format_bytes(limit)
             ));
         }

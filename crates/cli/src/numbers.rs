@@ -3,7 +3,7 @@
 pub(crate) use lodsmith::core::numbers::{counted, grouped, significant};
 pub(crate) use lodsmith_asset::report_json::micros;
 
-/// Formats with two leading digits, more only before the decimal point: `0.017`, `0.17`, `1.7`, `17`, `170`.
+/// Formats with two significant digits, or all digits before the decimal point: `0.017`, `0.17`, `1.7`, `17`, `170`.
 pub(crate) fn short(x: f64) -> String {
     significant(x, 2)
 }
@@ -18,7 +18,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_keep_two_digits() {
+    fn numbers_have_two_significant_digits() {
         assert_eq!(
             [0.0, 0.0174, 0.168, 1.74, 17.4, 174.0].map(short),
             ["0", "0.017", "0.17", "1.7", "17", "174"].map(String::from)

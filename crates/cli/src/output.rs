@@ -16,7 +16,7 @@ pub(crate) struct Output {
     json: bool,
     quiet: bool,
     verbose: bool,
-    /// True if standard output carries a mesh, so that text goes to standard error.
+    /// True if a mesh is written to standard output, so that text goes to standard error.
     stdout_taken: bool,
     closed: Cell<bool>,
     fault: RefCell<Option<io::Error>>,
@@ -34,7 +34,7 @@ impl Output {
         }
     }
 
-    /// Returns an output for pages and scripts: results alone.
+    /// Returns an output for manual pages and scripts: only results are printed.
     pub(crate) fn plain() -> Self {
         Self {
             json: false,
@@ -62,7 +62,7 @@ impl Output {
         }
     }
 
-    /// Prints a result that `--quiet` does not silence: JSON, a script, a page.
+    /// Prints a result that `--quiet` does not silence: JSON, a script, a manual page.
     pub(crate) fn result(&self, text: &str) {
         self.print(text);
     }
@@ -74,7 +74,7 @@ impl Output {
         }
     }
 
-    /// Prints a warning to standard error. With JSON it is part of the result as well.
+    /// Prints a warning to standard error. With `--json`, the result has it too.
     pub(crate) fn warning(&self, text: &str) {
         if !self.quiet {
             eprint_line(&format!("{} {}", paint("warning:", "1;33"), escaped(&one_line(text))));
@@ -82,7 +82,7 @@ impl Output {
     }
 
     /// Prints the failure of a file, unless the user interrupted it: a line on standard error, and an object
-    /// with `--json`. Returns the status that it alone would end with.
+    /// with `--json`. Returns the exit status for this file alone.
     pub(crate) fn failure(&self, path: &str, failure: &anyhow::Error) -> Status {
         let status = status_of(failure);
         if status != Status::Interrupted {
@@ -96,11 +96,11 @@ impl Output {
     /// Flushes the output and returns an error if printing failed. A reader that closed the pipe is no error.
     pub(crate) fn finish(&self, status: Status) -> anyhow::Result<Status> {
         if !self.closed.get() {
-            self.keep(io::stdout().flush());
+            self.keep_error(io::stdout().flush());
         }
         match self.fault.borrow_mut().take() {
             None => Ok(status),
-            // The rest of a mesh fails again; its writer has reported that.
+            // The error of a mesh was already reported by its writer.
             Some(_) if self.stdout_taken && status == Status::Failed => Ok(status),
             Some(e) => Err(e).context("cannot write to standard output"),
         }
@@ -112,10 +112,10 @@ impl Output {
         }
         let mut out = io::stdout().lock();
         let text = text.strip_suffix('\n').unwrap_or(text);
-        self.keep(writeln!(out, "{text}"));
+        self.keep_error(writeln!(out, "{text}"));
     }
 
-    fn keep(&self, result: io::Result<()>) {
+    fn keep_error(&self, result: io::Result<()>) {
         if let Err(e) = result {
             self.closed.set(true);
             if e.kind() != ErrorKind::BrokenPipe {
@@ -125,19 +125,19 @@ impl Output {
     }
 }
 
-/// Prints an error in one line on standard error; nothing silences it.
+/// Prints an error in one line on standard error, even with `--quiet`.
 pub(crate) fn error(text: &str) {
     eprint_line(&format!("{} {}", paint("error:", "1;31"), escaped(&one_line(text))));
 }
 
-/// Prints a usage error, or the help that was asked for. Arguments are escaped, since a shell may have
-/// expanded file names into them.
+/// Prints a usage error, or the requested help. Arguments are escaped, since a shell may have expanded file
+/// names into them.
 ///
 /// # Errors
 /// If standard output does not accept the help; a reader that closed the pipe is no error.
 pub(crate) fn usage(error: &clap::Error) -> anyhow::Result<()> {
-    let is_typed = |word: std::ffi::OsString| word.to_string_lossy().contains(is_unsafe);
-    if error.use_stderr() && std::env::args_os().any(is_typed) {
+    let has_unsafe = |argument: std::ffi::OsString| argument.to_string_lossy().contains(is_unsafe);
+    if error.use_stderr() && std::env::args_os().any(has_unsafe) {
         error.render().to_string().lines().for_each(|line| eprint_line(&escaped(line)));
         return Ok(());
     }
@@ -159,10 +159,11 @@ fn one_line(text: &str) -> String {
     text.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Escapes characters that must not reach a terminal: control characters, which move the cursor or begin
+/// Escapes characters that must not reach a terminal: control characters, which move the cursor or start
 /// escape sequences, and marks that change the direction of text.
 ///
-/// Names of files, groups, materials, nodes and images may contain anything. All text for people goes through here once.
+/// Names of files, groups, materials, nodes and images may contain anything. All text for people passes through this
+/// function once.
 pub(crate) fn escaped(text: &str) -> Cow<'_, str> {
     if !text.contains(is_unsafe) {
         return Cow::Borrowed(text);
@@ -194,10 +195,10 @@ fn is_unsafe(c: char) -> bool {
 }
 
 fn paint(text: &str, code: &str) -> String {
-    let wanted = std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+    let is_colored = std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
         && std::env::var_os("TERM").is_none_or(|v| v != "dumb")
         && io::stderr().is_terminal();
-    if wanted { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() }
+    if is_colored { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() }
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ const BAR_STEPS: f64 = 1000.0;
 /// Time between two updates of the elapsed time.
 const TICK: Duration = Duration::from_millis(500);
 
-/// The progress bar of a command, over all its files.
+/// The progress bar of a command, for all its files.
 pub(crate) struct Progress {
     bar: ProgressBar,
     files: usize,
@@ -60,7 +60,7 @@ pub(crate) struct FileProgress<'a> {
     whole: &'a Progress,
     name: &'a str,
     done: AtomicU64,
-    /// Runs of the engine: a search for an error makes many.
+    /// Number of runs of the engine: a search for an error bound makes many.
     runs: AtomicU64,
 }
 
@@ -126,7 +126,7 @@ impl FileProgress<'_> {
 mod tests {
     use super::*;
 
-    /// Fault C9: a search for an error made many runs without a sign of it.
+    /// Fault C9: a search for an error bound made many runs, and the bar did not show it.
     #[test]
     fn repeated_runs_are_counted() {
         let whole = Progress { bar: ProgressBar::hidden(), files: 1 };
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_never_goes_back_and_ends_full() {
+    fn the_bar_of_a_file_never_goes_back_and_ends_full() {
         let whole = Progress { bar: ProgressBar::hidden(), files: 2 };
         whole.bar.set_length(2000);
         let file = whole.file("a.obj");

@@ -1,4 +1,5 @@
-//! The command as the caller of jobs: it moves the progress bar, ends runs on an interrupt, and has the standard streams.
+//! The command as the caller of jobs: it updates the progress bar, ends runs on an interrupt, and provides the standard
+//! streams.
 
 use std::fs;
 use std::io::{self, Read, Write};
@@ -12,7 +13,7 @@ use crate::in_order::Turn;
 use crate::progress::FileProgress;
 use crate::status::Interrupted;
 
-/// Converts the result of a run: a cancelled run was interrupted.
+/// Converts the result of a run: a run that an interrupt cancelled becomes [`Interrupted`].
 pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Result<T> {
     match result {
         Err(SimplifyError::Cancelled) if exit::interrupted() => Err(Interrupted.into()),
@@ -24,7 +25,7 @@ pub(crate) fn not_interrupted<T>(result: Result<T, SimplifyError>) -> anyhow::Re
 pub(crate) struct BarWatch<'a> {
     bar: &'a FileProgress<'a>,
     stage: Stage,
-    /// The place of the file among several.
+    /// Position of the file among several.
     turn: Option<&'a Turn<'a>>,
 }
 
@@ -74,9 +75,9 @@ impl Watch for BarWatch<'_> {
         }
     }
     fn while_writing(&mut self, path: &Path, write: &mut dyn FnMut()) -> bool {
-        let about = fs::metadata(path).ok();
-        // A pipe may block its writer for ever, and Ctrl-C must end that; it cannot leave a partial file.
-        let is_file = about.as_ref().is_none_or(fs::Metadata::is_file);
+        let metadata = fs::metadata(path).ok();
+        // A pipe may block its writer forever, and Ctrl-C must end that; it cannot leave a partial file.
+        let is_file = metadata.as_ref().is_none_or(fs::Metadata::is_file);
         let guard = is_file.then(exit::writing).transpose();
         let may_write = guard.is_ok();
         if may_write {

@@ -1,4 +1,4 @@
-//! Sizes of files before and after, and what packing did, as text.
+//! Text about the sizes of files before and after, and about compression.
 
 use lodsmith_io::Sizes;
 use lodsmith_io::gltf::PackReport;
@@ -29,7 +29,7 @@ pub(crate) fn line(before: Option<Sizes>, after: Option<Sizes>) -> Option<String
     ))
 }
 
-/// Returns the line about what packing did.
+/// Returns the line about compression and the order for the vertex cache.
 pub(crate) fn packed_line(packed: &PackReport) -> String {
     let (a, b) = (&packed.cache_before, &packed.cache);
     let streams = match packed.packed_bytes {
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_a_question_mark() {
+    fn unknown_sizes_are_question_marks() {
         assert_eq!(line(None, None), None);
         let mut sizes = Sizes::default();
         (sizes.triangles, sizes.draw_calls) = (12, 1);

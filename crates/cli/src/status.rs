@@ -1,4 +1,4 @@
-//! Exit statuses, and the errors that decide them.
+//! Exit statuses, and the errors that determine them.
 
 use lodsmith::SimplifyError;
 use lodsmith_asset::AssetError;
@@ -9,9 +9,9 @@ use lodsmith_asset::AssetError;
 pub(crate) enum Status {
     /// Success.
     Done = 0,
-    /// The file, the mesh or the system is at fault.
+    /// An error in a file, a mesh or the system.
     Failed = 1,
-    /// The command line is at fault.
+    /// An error in the command line.
     Usage = 2,
     /// With `--strict`: target not reached or data dropped.
     Strict = 3,
@@ -20,8 +20,8 @@ pub(crate) enum Status {
 }
 
 impl Status {
-    /// Returns the status of two files, of which this is the first: an interrupt outweighs a wrong command
-    /// line, that a failure, and that a violation of `--strict`.
+    /// Returns the more severe of two statuses: an interrupt outweighs a usage error, a usage error outweighs a
+    /// failure, and a failure outweighs a violation of `--strict`.
     pub(crate) fn or_worse(self, other: Self) -> Self {
         let rank = |status| {
             [Self::Done, Self::Strict, Self::Failed, Self::Usage, Self::Interrupted]
@@ -32,7 +32,7 @@ impl Status {
     }
 }
 
-/// The command line is at fault, in a way that its grammar does not detect.
+/// An error in the command line that parsing does not detect.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct UsageError(pub(crate) String);
@@ -50,10 +50,10 @@ pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
 /// Returns the exit status for an error.
 pub(crate) fn status_of(error: &anyhow::Error) -> Status {
     use SimplifyError::{BadOption, NotOfMethod, NotTogether};
-    let is_refused =
+    let is_bad_option =
         matches!(error.downcast_ref(), Some(BadOption { .. } | NotOfMethod { .. } | NotTogether { .. }));
     let of_job = error.downcast_ref::<AssetError>();
-    if is_refused || error.is::<UsageError>() || of_job.is_some_and(AssetError::is_usage) {
+    if is_bad_option || error.is::<UsageError>() || of_job.is_some_and(AssetError::is_usage) {
         Status::Usage
     } else if error.is::<Interrupted>() || matches!(of_job, Some(AssetError::Cancelled)) {
         Status::Interrupted
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_at_fault_decides_the_status() {
+    fn the_kind_of_error_determines_the_status() {
         assert_eq!(status_of(&usage("no")), Status::Usage);
         let bad = SimplifyError::BadOption { option: "cell", wanted: "longer", got: 0.1 };
         assert_eq!(status_of(&bad.into()), Status::Usage);

@@ -1,11 +1,11 @@
-//! Counts of defects that a method can raise.
+//! Counts of defects that a method can introduce.
 
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::topology::{EdgeKind, Topology};
 use lodsmith::core::{FaceId, Surface, TriMesh};
 
-/// Least angle between the normals of neighbouring faces that count as back to back, in degrees. (Guessed: a
-/// knife of 30 degrees does not count.)
+/// Smallest angle between the normals of neighbouring faces that count as back to back, in degrees. (Guessed: a
+/// sharp edge of 30 degrees does not count.)
 const BACK_TO_BACK_DEG: f64 = 150.0;
 
 /// Counts after merging vertices at equal positions.
@@ -32,7 +32,7 @@ impl Validity {
         let cleaned = clean_surface(&surface, None);
         let bad_faces = cleaned.dropped_face_count();
         let clean = Surface::with_triangles(surface.positions(), cleaned.triangles)
-            .expect("cleaning leaves vertices their numbers");
+            .expect("cleaning does not renumber vertices");
         let topology = Topology::unwelded(&clean);
         let counts = topology.counts();
         Self {
@@ -64,7 +64,7 @@ impl Validity {
 }
 
 fn folds(surface: &Surface<'_>, topology: &Topology) -> usize {
-    let least = BACK_TO_BACK_DEG.to_radians().cos();
+    let max_cos = BACK_TO_BACK_DEG.to_radians().cos();
     let normal = |f: FaceId| {
         let [a, b, c] = surface.triangles()[f.index()].map(|v| surface.positions().get(v));
         let to = |p: [f64; 3]| [0, 1, 2].map(|k| p[k] - a[k]);
@@ -74,7 +74,7 @@ fn folds(surface: &Surface<'_>, topology: &Topology) -> usize {
         // A face without area has no normal.
         (length.is_normal()).then(|| n.map(|x| x / length))
     };
-    let is_fold = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < least;
+    let is_fold = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < max_cos;
     let inner = topology.edges().filter(|&h| topology.kind(h) == Some(EdgeKind::Inner));
     let faces = inner.filter_map(|h| Some((normal(h.face())?, normal(topology.twin(h)?.face())?)));
     faces.filter(|&(a, b)| is_fold(a, b)).count()
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clean_shapes_have_none() {
+    fn clean_shapes_have_no_defects() {
         for mesh in [shapes::icosphere(2), shapes::cube(3), shapes::torus(24, 12)] {
             let found = Validity::of(&mesh);
             assert_eq!(found, Validity { components: 1, ..Validity::default() });
@@ -97,24 +97,25 @@ mod tests {
     }
 
     #[test]
-    fn a_face_that_is_turned_over_makes_folds() {
+    fn a_flipped_face_makes_folds() {
         // The apex of a flat star is pulled across the rim: faces 0 and 1 are flipped.
         //
         //   3---2
         //   | 4 |    and 4 moves down, beyond 0-1
         //   0---1
-        let places = |y: f32| {
+        let positions = |y: f32| {
             vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, y, 0.0f32]]
         };
         let face = |a, b, c| [VertexId(a), VertexId(b), VertexId(c)];
         let faces = vec![face(0, 1, 4), face(1, 2, 4), face(2, 3, 4), face(3, 0, 4)];
-        let folds = |y| Validity::of(&TriMesh::new(Positions::F32(places(y)), faces.clone()).unwrap()).folds;
+        let folds =
+            |y| Validity::of(&TriMesh::new(Positions::F32(positions(y)), faces.clone()).unwrap()).folds;
         assert_eq!(folds(0.5), 0);
         assert_eq!(folds(-0.5), 2);
     }
 
     #[test]
-    fn what_rises_is_told_and_what_falls_is_not() {
+    fn only_counts_that_rise_are_reported() {
         let input = Validity { border_edges: 3, folds: 2, ..Validity::default() };
         let result = Validity { border_edges: 1, folds: 5, ..Validity::default() };
         let risen: Vec<_> = result.risen_from(&input).filter(|r| r.1 > 0).collect();

@@ -4,8 +4,8 @@ use lodsmith_io::Warning;
 
 use crate::output::{self, Output};
 
-/// Shows the warnings of a file. With `strict`, lost data are shown as an error even if warnings are
-/// silenced, and the result is `true`.
+/// Prints the warnings of a file. With `strict`, warnings of lost data are printed as errors, even with `--quiet`,
+/// and the function returns `true`.
 pub(crate) fn show_warnings(out: &Output, path: &str, warnings: &[Warning], strict: bool) -> bool {
     let mut is_fault = false;
     for warning in warnings {
@@ -19,7 +19,7 @@ pub(crate) fn show_warnings(out: &Output, path: &str, warnings: &[Warning], stri
     is_fault
 }
 
-/// Prints that a target was not reached, with the reason. Returns true if that is a fault, with `--strict`.
+/// Prints that a target was not reached, with the reason. Returns true if that is an error, with `--strict`.
 pub(crate) fn show_not_reached(out: &Output, name: &str, why: &str, strict: bool) -> bool {
     let text = format!("{name}: {why}");
     if strict {

@@ -1,11 +1,11 @@
-//! Tests of the whole crate, in one program: each program links everything again (docs/decisions/0026).
+//! All tests of the crate in one program, since each test program links everything again (docs/decisions/0026).
 
 mod bake;
 mod clean;
 mod cli;
 mod compare_views;
-mod desk;
 mod doctor;
+mod first_contact;
 mod help;
 mod lod;
 mod materials;
@@ -14,10 +14,10 @@ mod method_collapses;
 mod method_planar;
 mod methods;
 mod options;
-mod places;
 mod progressive;
 mod render;
+mod sandbox;
+mod scenes;
 mod sheets;
 mod three_mf;
 mod trust;
-mod words;

@@ -5,9 +5,9 @@ use std::fs;
 
 use lodsmith_io::{ReadOptions, read_model_path};
 
-use crate::desk::{CliSandbox, hills, ply};
+use crate::sandbox::{CliSandbox, hills, ply};
 
-/// Colours of the coloured hills, by place: a gradient.
+/// Colour of the coloured hills at a position: a gradient.
 fn color(x: f64, y: f64) -> [u8; 3] {
     [x, y, 0.5].map(|c| (255.0 * c).round() as u8)
 }
@@ -32,19 +32,19 @@ fn coloured_hills(n: usize) -> String {
 }
 
 #[test]
-fn a_mesh_without_coordinates_gets_an_atlas_and_its_material_the_maps() {
-    let desk = CliSandbox::new();
-    desk.put("high.ply", &coloured_hills(48));
-    desk.put("low.ply", &hills(8));
-    let words = "bake high.ply low.ply -o out.glb --maps normal,color,height --texture-size 256 --json";
-    let report = desk.run(words).with_status(0).objects().remove(0);
+fn a_mesh_without_coordinates_gets_an_atlas_and_a_material() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("high.ply", &coloured_hills(48));
+    sandbox.put("low.ply", &hills(8));
+    let arguments = "bake high.ply low.ply -o out.glb --maps normal,color,height --texture-size 256 --json";
+    let report = sandbox.run(arguments).with_status(0).objects().remove(0);
     assert_eq!(report["baked"]["sets"][0]["size"], 256);
     assert_eq!(report["baked"]["sources"]["elsewhere"], 0, "{report}");
     let height = report["baked"]["sets"][0]["ranges"]["height"].as_f64().expect("white has a height");
     assert!(height > 0.001 && height < 0.2, "hills of 0.1: {height}");
-    assert_eq!(desk.names("."), ["high.ply", "low.ply", "out.glb", "out_height.png"]);
+    assert_eq!(sandbox.names("."), ["high.ply", "low.ply", "out.glb", "out_height.png"]);
 
-    let file = read_model_path(&desk.path("out.glb"), &ReadOptions::default()).unwrap();
+    let file = read_model_path(&sandbox.path("out.glb"), &ReadOptions::default()).unwrap();
     let mesh = &file.model.meshes[0];
     let material = &file.model.materials[mesh.materials[0].expect("it has a material")];
     assert_eq!((material.base_color, mesh.mesh.face_count()), ([1.0; 4], 128));
@@ -54,29 +54,29 @@ fn a_mesh_without_coordinates_gets_an_atlas_and_its_material_the_maps() {
     let texture = material.base_color_texture.expect("it is baked");
     let image = &file.model.images[texture.image];
     assert_eq!((image.width(), image.height()), (256, 256));
-    // The colours at the vertices are those of the gradient.
+    // The baked colours at the vertices agree with the gradient.
     let uvs = mesh.mesh.uvs().expect("it has an atlas");
     for (w, uv) in uvs.iter().enumerate() {
         let vertex = mesh.mesh.vertex_of(lodsmith::core::WedgeId::new(w));
         let [x, y, _] = mesh.mesh.positions().view().get(vertex);
         let at = |t: f32| ((t * 256.0) as usize).min(255);
         let found = image.at(at(uv[0]), at(1.0 - uv[1]));
-        let wanted = color(x, y);
-        assert!((0..3).all(|k| found[k].abs_diff(wanted[k]) <= 6), "{found:?} for {wanted:?}");
+        let expected = color(x, y);
+        assert!((0..3).all(|k| found[k].abs_diff(expected[k]) <= 6), "{found:?} for {expected:?}");
     }
-    let height = fs::read(desk.path("out_height.png")).unwrap();
+    let height = fs::read(sandbox.path("out_height.png")).unwrap();
     assert_eq!((&height[1..4], height[24], height[25]), (&b"PNG"[..], 16, 0), "16 bits, grey");
 }
 
 #[test]
 fn occlusion_and_roughness_share_a_texture() {
-    let desk = CliSandbox::new();
-    desk.put("high.ply", &coloured_hills(32));
-    desk.put("low.ply", &hills(4));
-    let words =
+    let sandbox = CliSandbox::new();
+    sandbox.put("high.ply", &coloured_hills(32));
+    sandbox.put("low.ply", &hills(4));
+    let arguments =
         "bake high.ply low.ply -o out.glb --maps ao,metallic-roughness --texture-size 64 --ao-rays 16";
-    desk.run(words).with_status(0);
-    let file = read_model_path(&desk.path("out.glb"), &ReadOptions::default()).unwrap();
+    sandbox.run(arguments).with_status(0);
+    let file = read_model_path(&sandbox.path("out.glb"), &ReadOptions::default()).unwrap();
     let material = &file.model.materials[0];
     let texture = material.occlusion_texture.expect("it is baked");
     assert_eq!(material.metallic_roughness_texture.map(|t| t.image), Some(texture.image));
@@ -88,33 +88,39 @@ fn occlusion_and_roughness_share_a_texture() {
 
 #[test]
 fn coordinates_without_overlap_are_kept_and_an_obj_gets_its_library() {
-    let desk = CliSandbox::new();
-    desk.put("high.ply", &coloured_hills(32));
+    let sandbox = CliSandbox::new();
+    sandbox.put("high.ply", &coloured_hills(32));
     // A square with its own coordinates.
-    desk.put(
+    sandbox.put(
         "low.obj",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0.1 0.1\nvt 0.9 0.1\nvt 0.9 0.9\nvt 0.1 0.9\nf 1/1 2/2 3/3 4/4\n",
     );
-    let words = "bake high.ply low.obj -o out.obj --maps color,ao --texture-size 64 --ao-rays 4 --map-files";
-    let ran = desk.run(words).with_status(0);
-    assert!(!ran.stderr.contains("atlas"), "{}", ran.stderr);
-    let obj = fs::read_to_string(desk.path("out.obj")).unwrap();
+    let arguments =
+        "bake high.ply low.obj -o out.obj --maps color,ao --texture-size 64 --ao-rays 4 --map-files";
+    let outcome = sandbox.run(arguments).with_status(0);
+    assert!(!outcome.stderr.contains("atlas"), "{}", outcome.stderr);
+    let obj = fs::read_to_string(sandbox.path("out.obj")).unwrap();
     assert!(obj.contains("vt 0.1 0.1") && obj.contains("mtllib"), "{obj}");
-    let library = fs::read_to_string(desk.path("out.mtl")).unwrap();
+    let library = fs::read_to_string(sandbox.path("out.mtl")).unwrap();
     assert!(library.contains("map_Kd"), "{library}");
-    assert!(desk.path("out_color.png").exists() && desk.path("out_ao.png").exists());
-    // Where they overlap, a new atlas is made, and that is told.
-    desk.put(
+    assert!(sandbox.path("out_color.png").exists() && sandbox.path("out_ao.png").exists());
+    // If coordinates overlap, a new atlas is made, with a warning.
+    sandbox.put(
         "low.obj",
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1/1 3/2 4/3\n",
     );
-    let ran = desk.run("bake high.ply low.obj -o two.glb --maps color --texture-size 64").with_status(0);
-    assert!(ran.stderr.contains("a new atlas") && ran.stderr.contains("overlap"), "{}", ran.stderr);
+    let outcome =
+        sandbox.run("bake high.ply low.obj -o two.glb --maps color --texture-size 64").with_status(0);
+    assert!(
+        outcome.stderr.contains("a new atlas") && outcome.stderr.contains("overlap"),
+        "{}",
+        outcome.stderr
+    );
 }
 
 /// Returns the material of each mesh and whether it has tangents.
-fn materials(desk: &CliSandbox, name: &str) -> (Vec<(Option<usize>, bool)>, usize) {
-    let scene = lodsmith_io::read_scene_path(&desk.path(name), &ReadOptions::default()).unwrap().unwrap();
+fn materials(sandbox: &CliSandbox, name: &str) -> (Vec<(Option<usize>, bool)>, usize) {
+    let scene = lodsmith_io::read_scene_path(&sandbox.path(name), &ReadOptions::default()).unwrap().unwrap();
     let model = lodsmith_io::ModelFile::from(scene).model;
     let tangents = |m: &lodsmith::core::model::ModelMesh| {
         m.mesh.further_attributes().iter().any(|a| a.semantic == lodsmith::core::Semantic::Tangent)
@@ -124,62 +130,63 @@ fn materials(desk: &CliSandbox, name: &str) -> (Vec<(Option<usize>, bool)>, usiz
 
 #[test]
 fn levels_share_the_maps_of_the_finest_or_have_their_own() {
-    let desk = CliSandbox::new();
+    let sandbox = CliSandbox::new();
     let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
-    fs::copy(wave, desk.path("wave.glb")).unwrap();
-    let words = "lod wave.glb --levels 0.5,0.2 --bake normal --texture-size 64";
-    desk.run(&format!("{words} -o keep.glb")).with_status(0);
+    fs::copy(wave, sandbox.path("wave.glb")).unwrap();
+    let arguments = "lod wave.glb --levels 0.5,0.2 --bake normal --texture-size 64";
+    sandbox.run(&format!("{arguments} -o keep.glb")).with_status(0);
     let first = Some(0);
-    assert_eq!(materials(&desk, "keep.glb"), (vec![(None, false), (first, true), (first, true)], 1));
-    desk.run(&format!("{words} -o new.glb --atlas new")).with_status(0);
-    assert_eq!(materials(&desk, "new.glb"), (vec![(None, false), (first, true), (Some(1), true)], 2));
+    assert_eq!(materials(&sandbox, "keep.glb"), (vec![(None, false), (first, true), (first, true)], 1));
+    sandbox.run(&format!("{arguments} -o new.glb --atlas new")).with_status(0);
+    assert_eq!(materials(&sandbox, "new.glb"), (vec![(None, false), (first, true), (Some(1), true)], 2));
 }
 
 #[test]
 fn what_a_new_atlas_drops_counts_as_lost() {
-    let desk = CliSandbox::new();
+    let sandbox = CliSandbox::new();
     let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
-    fs::copy(wave, desk.path("wave.glb")).unwrap();
-    desk.run("convert wave.glb wave.gltf").with_status(0);
-    let text = fs::read_to_string(desk.path("wave.gltf")).unwrap();
+    fs::copy(wave, sandbox.path("wave.glb")).unwrap();
+    sandbox.run("convert wave.glb wave.gltf").with_status(0);
+    let text = fs::read_to_string(sandbox.path("wave.gltf")).unwrap();
     let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
     json["extensionsUsed"] = serde_json::json!(["KHR_materials_clearcoat"]);
     json["materials"] =
         serde_json::json!([{"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}]);
     json["meshes"][0]["primitives"][0]["material"] = 0.into();
-    desk.put("coated.gltf", &json.to_string());
-    let words =
+    sandbox.put("coated.gltf", &json.to_string());
+    let arguments =
         "simplify coated.gltf -o out.glb --ratio 0.5 --bake normal --texture-size 32 --strict --force";
-    desk.run(words).with_status(0);
-    let ran = desk.run(&format!("{words} --atlas new")).with_status(3);
-    assert!(ran.stderr.contains("KHR_materials_clearcoat"), "{}", ran.stderr);
+    sandbox.run(arguments).with_status(0);
+    let outcome = sandbox.run(&format!("{arguments} --atlas new")).with_status(3);
+    assert!(outcome.stderr.contains("KHR_materials_clearcoat"), "{}", outcome.stderr);
 }
 
 #[test]
 fn a_run_bakes_what_it_loses_and_nothing_counts_as_lost() {
-    let desk = CliSandbox::new();
-    desk.put("high.ply", &coloured_hills(24));
-    let words = "simplify high.ply --ratio 10% --bake normal,color,height --texture-size 64 --json";
-    let ran = desk.run(&format!("{words} -o out.glb")).with_status(0);
-    assert!(!ran.stderr.contains("COLOR_0"), "they are in the map: {}", ran.stderr);
-    let report = ran.objects().remove(0);
+    let sandbox = CliSandbox::new();
+    sandbox.put("high.ply", &coloured_hills(24));
+    let arguments = "simplify high.ply --ratio 10% --bake normal,color,height --texture-size 64 --json";
+    let outcome = sandbox.run(&format!("{arguments} -o out.glb")).with_status(0);
+    assert!(!outcome.stderr.contains("COLOR_0"), "they are in the map: {}", outcome.stderr);
+    let report = outcome.objects().remove(0);
     assert_eq!(report["baked"]["sets"][0]["maps"].as_array().unwrap().len(), 3);
-    assert!(desk.path("out_height.png").exists());
-    let before = fs::read(desk.path("out.glb")).unwrap();
-    desk.run(&format!("{words} -o out.glb --threads 1")).with_status(0);
-    assert_eq!(fs::read(desk.path("out.glb")).unwrap(), before, "at any number of threads");
-    desk.run("simplify high.ply --ratio 10% --bake color --texture-size 64 --strict -o out.obj")
+    assert!(sandbox.path("out_height.png").exists());
+    let before = fs::read(sandbox.path("out.glb")).unwrap();
+    sandbox.run(&format!("{arguments} -o out.glb --threads 1")).with_status(0);
+    assert_eq!(fs::read(sandbox.path("out.glb")).unwrap(), before, "at any number of threads");
+    sandbox
+        .run("simplify high.ply --ratio 10% --bake color --texture-size 64 --strict -o out.obj")
         .with_status(0);
-    assert!(fs::read_to_string(desk.path("out.mtl")).unwrap().contains("map_Kd"));
-    desk.run("simplify high.ply --ratio 10% --texture-size 64 -o b.glb").with_status(2).with_one_error();
-    desk.run("simplify high.ply --ratio 10% --bake color --up z -o b.glb").with_status(2).with_one_error();
+    assert!(fs::read_to_string(sandbox.path("out.mtl")).unwrap().contains("map_Kd"));
+    sandbox.run("simplify high.ply --ratio 10% --texture-size 64 -o b.glb").with_status(2).with_one_error();
+    sandbox.run("simplify high.ply --ratio 10% --bake color --up z -o b.glb").with_status(2).with_one_error();
 }
 
 #[test]
-fn mistakes_end_with_one_line() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(3));
-    for (words, status, hint) in [
+fn errors_are_one_line() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(3));
+    for (arguments, status, hint) in [
         ("bake a.ply a.ply -o -", 2, "--to"),
         ("bake a.ply a.ply -o - --to glb --maps height", 2, "height"),
         ("bake a.ply a.ply -o b.glb --texture-size 1024 --max-memory 64M", 1, "baking would take about"),
@@ -187,17 +194,17 @@ fn mistakes_end_with_one_line() {
         ("bake a.ply a.ply -o a.ply", 2, "--force"),
         ("bake a.ply a.ply -o b.glb --up z", 2, "convert"),
     ] {
-        let ran = desk.run(words).with_status(status).with_one_error();
-        assert!(ran.stderr.contains(hint), "{words}: {}", ran.stderr);
+        let outcome = sandbox.run(arguments).with_status(status).with_one_error();
+        assert!(outcome.stderr.contains(hint), "{arguments}: {}", outcome.stderr);
     }
-    // They are known before anything is read.
-    for (words, hint) in [
+    // These errors are found before anything is read.
+    for (arguments, hint) in [
         ("bake a.ply none.ply -o b.glb --texture-size 4", "from 16 to 16384"),
         ("bake a.ply none.ply -o b.glb --texture-size 20000", "--texture-size"),
         ("simplify a.ply -o b.glb --ratio 0.5 --bake ao --ao-rays 10000000000000", "from 1 to 65536"),
     ] {
-        let ran = desk.run(words).with_status(2);
-        assert!(ran.stderr.contains(hint), "{words}: {}", ran.stderr);
+        let outcome = sandbox.run(arguments).with_status(2);
+        assert!(outcome.stderr.contains(hint), "{arguments}: {}", outcome.stderr);
     }
-    assert_eq!(desk.names("."), ["a.ply"]);
+    assert_eq!(sandbox.names("."), ["a.ply"]);
 }

@@ -1,9 +1,9 @@
 //! `lodsmith clean`.
 
-use crate::desk::{CliSandbox, coloured_cube, keys, ply};
+use crate::sandbox::{CliSandbox, coloured_cube, keys, ply};
 
-/// Two cubes that share an edge, some faces flipped, one duplicated, one point unused; every face has
-/// vertices of its own.
+/// Two cubes that share an edge, with flipped faces, a duplicate face and an unused vertex; no two faces share a
+/// vertex.
 fn broken() -> String {
     use std::fmt::Write as _;
     let (mut vertices, mut faces, mut count) = (String::new(), String::new(), 0);
@@ -29,91 +29,96 @@ fn broken() -> String {
 }
 
 #[test]
-fn each_step_is_told_and_the_policies_differ() {
-    let desk = CliSandbox::new();
-    desk.put("in.ply", &broken());
-    let ran = desk.run("clean in.ply -o keep.ply").with_status(0);
-    let lines: Vec<_> = ran.text().lines().collect();
+fn each_step_is_reported_and_the_policies_differ() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("in.ply", &broken());
+    let outcome = sandbox.run("clean in.ply -o keep.ply").with_status(0);
+    let lines: Vec<_> = outcome.text().lines().collect();
     assert!(lines[0].starts_with("in.ply: 25 → 24 faces, 76 → 14 vertices, "), "{lines:?}");
     let done = "  done  61 welded vertices, 1 duplicate faces, 4 flipped faces, 1 unused vertices";
     assert_eq!(lines[1], done);
     assert_eq!(lines[2], "  left  1 non manifold edges, 2 non manifold vertices");
-    assert!(ran.stderr.starts_with("warning: in.ply: 1 edge with more than two faces"), "{}", ran.stderr);
+    assert!(
+        outcome.stderr.starts_with("warning: in.ply: 1 edge with more than two faces"),
+        "{}",
+        outcome.stderr
+    );
 
-    let report = &desk.run("clean in.ply -o cut.ply --non-manifold cut --json").with_status(0).objects()[0];
+    let report =
+        &sandbox.run("clean in.ply -o cut.ply --non-manifold cut --json").with_status(0).objects()[0];
     assert_eq!(keys(report), ["input", "output", "done", "left", "warnings", "seconds"]);
     assert_eq!(report["done"]["parted_vertices"], 2);
     assert_eq!(report["output"]["vertices"], 16);
     assert!(report["left"].as_object().expect("counts").values().all(|n| n == 0), "{report}");
 
     let report =
-        &desk.run("clean in.ply -o sewn.ply --non-manifold merge --json").with_status(0).objects()[0];
+        &sandbox.run("clean in.ply -o sewn.ply --non-manifold merge --json").with_status(0).objects()[0];
     assert_eq!((&report["done"]["sewn_edges"], &report["output"]["vertices"]), (&36.into(), &16.into()));
     assert!(report["left"].as_object().expect("counts").values().all(|n| n == 0), "{report}");
 }
 
 #[test]
 fn lengths_are_of_the_file_or_of_its_diagonal() {
-    let desk = CliSandbox::new();
-    desk.put("in.ply", &broken());
+    let sandbox = CliSandbox::new();
+    sandbox.put("in.ply", &broken());
     for weld in ["0.1", "1%"] {
-        let ran = desk.run(&format!("clean in.ply --dry-run --json --weld {weld}")).with_status(0);
-        assert_eq!(ran.objects()[0]["output"]["vertices"], 14, "{weld}");
+        let outcome = sandbox.run(&format!("clean in.ply --dry-run --json --weld {weld}")).with_status(0);
+        assert_eq!(outcome.objects()[0]["output"]["vertices"], 14, "{weld}");
     }
-    desk.run("clean in.ply -o out.ply --weld 99").with_status(1).with_one_error();
-    assert!(!desk.path("out.ply").exists());
+    sandbox.run("clean in.ply -o out.ply --weld 99").with_status(1).with_one_error();
+    assert!(!sandbox.path("out.ply").exists());
 }
 
 #[test]
-fn several_inputs_go_into_a_folder_and_one_that_fails_is_told() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &coloured_cube());
-    desk.put("b.ply", "no mesh");
-    desk.put("c.ply", &broken());
-    let ran = desk.run("clean a.ply b.ply c.ply -O out --to obj --json").with_status(1);
-    let told = ran.objects();
-    assert_eq!((told.len(), told[1]["path"].as_str()), (3, Some("b.ply")));
-    assert_eq!(desk.names("out"), ["a_clean.obj", "c_clean.obj"]);
-    assert_eq!(desk.faces("out/c_clean.obj"), 24);
-    desk.run("clean a.ply c.ply -o x.ply").with_status(2).with_one_error();
-    desk.run("clean a.ply -o x.ply --non-manifold glue").with_status(2);
+fn several_inputs_go_into_a_folder_and_failures_are_reported() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &coloured_cube());
+    sandbox.put("b.ply", "no mesh");
+    sandbox.put("c.ply", &broken());
+    let outcome = sandbox.run("clean a.ply b.ply c.ply -O out --to obj --json").with_status(1);
+    let reports = outcome.objects();
+    assert_eq!((reports.len(), reports[1]["path"].as_str()), (3, Some("b.ply")));
+    assert_eq!(sandbox.names("out"), ["a_clean.obj", "c_clean.obj"]);
+    assert_eq!(sandbox.faces("out/c_clean.obj"), 24);
+    sandbox.run("clean a.ply c.ply -o x.ply").with_status(2).with_one_error();
+    sandbox.run("clean a.ply -o x.ply --non-manifold glue").with_status(2);
 }
 
 #[test]
-fn colours_stay_and_strict_tells_of_what_is_lost() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    desk.run("clean cube.ply -o same.ply --strict").with_status(0);
-    let report = &desk.run("compare cube.ply same.ply --json").with_status(0).objects()[0];
+fn colours_are_kept_and_strict_reports_losses() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    sandbox.run("clean cube.ply -o same.ply --strict").with_status(0);
+    let report = &sandbox.run("compare cube.ply same.ply --json").with_status(0).objects()[0];
     assert!(report["hausdorff"]["symmetric"].as_f64() < Some(1e-12));
-    assert_eq!(desk.info("same.ply")["attributes"], desk.info("cube.ply")["attributes"]);
-    desk.run("clean cube.ply -o lost.stl --strict").with_status(3).with_one_error();
-    desk.put("in.ply", &broken());
-    let ran = desk.run("clean in.ply -o cut.stl --non-manifold cut").with_status(0);
-    assert!(ran.stderr.contains("joins again what was cut apart"), "{}", ran.stderr);
+    assert_eq!(sandbox.info("same.ply")["attributes"], sandbox.info("cube.ply")["attributes"]);
+    sandbox.run("clean cube.ply -o lost.stl --strict").with_status(3).with_one_error();
+    sandbox.put("in.ply", &broken());
+    let outcome = sandbox.run("clean in.ply -o cut.stl --non-manifold cut").with_status(0);
+    assert!(outcome.stderr.contains("readers merge again the vertices"), "{}", outcome.stderr);
 }
 
 #[test]
-fn a_scene_stays_whole() {
-    let desk = CliSandbox::new();
-    desk.put("in.ply", &broken());
-    desk.run("convert in.ply in.glb").with_status(0);
-    let ran = desk.run("clean in.glb -o out.glb --non-manifold cut --json").with_status(0);
-    let report = &ran.objects()[0];
+fn a_scene_stays_a_scene() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("in.ply", &broken());
+    sandbox.run("convert in.ply in.glb").with_status(0);
+    let outcome = sandbox.run("clean in.glb -o out.glb --non-manifold cut --json").with_status(0);
+    let report = &outcome.objects()[0];
     assert_eq!(report["meshes"][0]["done"], report["done"]);
     assert_eq!((&report["done"]["flipped_faces"], &report["output"]["faces"]), (&4.into(), &24.into()));
-    assert_eq!(desk.faces("out.glb"), 24);
+    assert_eq!(sandbox.faces("out.glb"), 24);
     // A dry run reports the same.
-    let dry = desk.run("clean in.glb -o dry.glb --dry-run --json").with_status(0);
+    let dry = sandbox.run("clean in.glb -o dry.glb --dry-run --json").with_status(0);
     assert_eq!(dry.objects()[0]["dry_run"], true);
-    assert!(!desk.path("dry.glb").exists());
+    assert!(!sandbox.path("dry.glb").exists());
 }
 
 #[test]
-fn sizes_and_packing_are_told() {
-    let desk = CliSandbox::new();
-    desk.put("in.ply", &broken());
-    let report = desk.run("clean in.ply -o out.glb --compress meshopt --quantize --json").with_status(0);
+fn sizes_and_compression_are_reported() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("in.ply", &broken());
+    let report = sandbox.run("clean in.ply -o out.glb --compress meshopt --quantize --json").with_status(0);
     let report = report.objects().remove(0);
     let before = &report["input"]["sizes"];
     assert_eq!(
@@ -124,11 +129,11 @@ fn sizes_and_packing_are_told() {
     assert!(before["file_bytes"].as_u64() > Some(100), "{report}");
     assert_eq!(report["output"]["sizes"]["triangles"], 24);
     assert!(report["output"]["packing"]["packed_bytes"].as_u64() > Some(0), "{report}");
-    let ran = desk.run("clean in.ply -o out.ply -v").with_status(0);
-    assert!(ran.text().contains("triangles 25 → 24, draw calls 1 → 1"), "{}", ran.text());
+    let outcome = sandbox.run("clean in.ply -o out.ply -v").with_status(0);
+    assert!(outcome.text().contains("triangles 25 → 24, draw calls 1 → 1"), "{}", outcome.text());
     // A scene from standard input has sizes too, though its file has none.
-    let scene = std::fs::read(desk.path("out.glb")).unwrap();
-    let ran = desk.run_with("clean - --from glb -o again.glb --json", scene).with_status(0);
-    let sizes = &ran.objects()[0]["input"]["sizes"];
+    let scene = std::fs::read(sandbox.path("out.glb")).unwrap();
+    let outcome = sandbox.run_with("clean - --from glb -o again.glb --json", scene).with_status(0);
+    let sizes = &outcome.objects()[0]["input"]["sizes"];
     assert_eq!((sizes["triangles"].as_u64(), sizes["file_bytes"].as_u64()), (Some(24), None), "{sizes}");
 }

@@ -5,30 +5,34 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::desk::{CliSandbox, coloured_cube, hills, keys, ply};
+use crate::sandbox::{CliSandbox, coloured_cube, hills, keys, ply};
 
 // ---------------------------------------------------------------- simplify
 
 #[test]
-fn simplify_writes_a_lighter_mesh_and_says_so_in_one_line() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(20));
-    let ran = desk.run("simplify hills.ply -o low.ply --ratio 0.25").with_status(0);
-    let faces = desk.faces("low.ply");
-    // A collapse can remove two faces, so one less than asked for is normal.
+fn simplify_writes_a_mesh_and_prints_one_line() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(20));
+    let outcome = sandbox.run("simplify hills.ply -o low.ply --ratio 0.25").with_status(0);
+    let faces = sandbox.faces("low.ply");
+    // A collapse can remove two faces, so one face less than requested is normal.
     assert!((199..=200).contains(&faces), "{faces}");
-    assert_eq!(ran.text().lines().count(), 1);
+    assert_eq!(outcome.text().lines().count(), 1);
     let begin = format!("hills.ply: 800 → {faces} faces ({:.1} %), rms ", faces as f64 / 8.0);
-    assert!(ran.text().starts_with(&begin), "{}", ran.text());
-    assert!(ran.text().contains(" % of the diagonal, ") && !ran.text().contains("max"), "{}", ran.text());
-    assert_eq!(ran.stderr, "");
+    assert!(outcome.text().starts_with(&begin), "{}", outcome.text());
+    assert!(
+        outcome.text().contains(" % of the diagonal, ") && !outcome.text().contains("max"),
+        "{}",
+        outcome.text()
+    );
+    assert_eq!(outcome.stderr, "");
 }
 
 #[test]
 fn the_report_has_the_promised_keys_in_their_order() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(20));
-    let report = &desk.run("simplify hills.ply -o low.ply --faces 100 --json").with_status(0).objects()[0];
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(20));
+    let report = &sandbox.run("simplify hills.ply -o low.ply --faces 100 --json").with_status(0).objects()[0];
     let promised = [
         "input",
         "output",
@@ -57,19 +61,19 @@ fn the_report_has_the_promised_keys_in_their_order() {
     assert_eq!(report["stopped_by"], "faces");
     assert_eq!(report["error"]["measured"], Value::Null);
     assert_eq!(report["error"]["bound"], Value::Null);
-    let (faces, low) = (report["output"]["faces"].as_u64().expect("a count"), desk.info("low.ply"));
+    let (faces, low) = (report["output"]["faces"].as_u64().expect("a count"), sandbox.info("low.ply"));
     assert!((1..=100).contains(&faces));
     assert_eq!((low["faces"].as_u64(), &low["vertices"]), (Some(faces), &report["output"]["vertices"]));
 }
 
 #[test]
-fn a_measured_result_tells_the_largest_distance() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(12));
-    let ran = desk.run("simplify hills.ply -o low.ply --ratio 0.5 --measure").with_status(0);
-    assert!(ran.text().contains(" %, max "), "{}", ran.text());
-    let words = "simplify hills.ply --dry-run --ratio 0.5 --bound two-sided --json";
-    let report = &desk.run(words).with_status(0).objects()[0];
+fn a_measured_result_reports_the_largest_distance() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(12));
+    let outcome = sandbox.run("simplify hills.ply -o low.ply --ratio 0.5 --measure").with_status(0);
+    assert!(outcome.text().contains(" %, max "), "{}", outcome.text());
+    let arguments = "simplify hills.ply --dry-run --ratio 0.5 --bound two-sided --json";
+    let report = &sandbox.run(arguments).with_status(0).objects()[0];
     assert_eq!(keys(&report["error"]["measured"]), ["hausdorff", "mean", "rms"]);
     assert_eq!(keys(&report["error"]["measured"]["rms"]), ["forward", "backward", "symmetric"]);
     let number = |value: &Value| value.as_f64().unwrap();
@@ -77,16 +81,17 @@ fn a_measured_result_tells_the_largest_distance() {
     assert!(
         number(bound) >= number(&seen["symmetric"]) && number(bound) <= 1.03 * number(&seen["symmetric"])
     );
-    let one =
-        &desk.run(&words.replace("two-sided", "one-sided")).with_status(0).objects()[0]["error"]["bound"];
+    let one = &sandbox.run(&arguments.replace("two-sided", "one-sided")).with_status(0).objects()[0]["error"]
+        ["bound"];
     assert!(number(one) >= number(&seen["backward"]) && number(one) <= number(bound));
 }
 
 #[test]
-fn an_error_limit_is_kept_and_measured() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(20));
-    let report = &desk.run("simplify hills.ply -o low.ply --error 0.5% --json").with_status(0).objects()[0];
+fn an_error_limit_is_met_and_measured() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(20));
+    let report =
+        &sandbox.run("simplify hills.ply -o low.ply --error 0.5% --json").with_status(0).objects()[0];
     assert_eq!(report["target"].to_string(), r#"{"error":"0.5%"}"#);
     let error = &report["error"];
     let largest = error["measured"]["hausdorff"]["symmetric"].as_f64().expect("it is measured");
@@ -95,8 +100,8 @@ fn an_error_limit_is_kept_and_measured() {
 
 #[test]
 fn targets_are_checked_at_the_command_line() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(3));
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(3));
     for target in [
         "",
         "--ratio 0",
@@ -117,217 +122,235 @@ fn targets_are_checked_at_the_command_line() {
         "--ratio 0.5 --method magic",
         "--ratio 0.5 --preset magic",
     ] {
-        let ran = desk.run(&format!("simplify hills.ply -o low.ply {target}")).with_status(2);
-        assert!(ran.stderr.starts_with("error: ") && ran.stdout.is_empty(), "{target}: {}", ran.stderr);
+        let outcome = sandbox.run(&format!("simplify hills.ply -o low.ply {target}")).with_status(2);
+        assert!(
+            outcome.stderr.starts_with("error: ") && outcome.stdout.is_empty(),
+            "{target}: {}",
+            outcome.stderr
+        );
     }
-    assert_eq!(desk.names("."), ["hills.ply"]);
+    assert_eq!(sandbox.names("."), ["hills.ply"]);
 }
 
 #[test]
-fn several_targets_may_stand_together() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(10));
-    let words = "simplify hills.ply -o low.ply --ratio 0.5 --faces 10 --json";
-    let report = &desk.run(words).with_status(0).objects()[0];
+fn several_targets_may_be_combined() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(10));
+    let arguments = "simplify hills.ply -o low.ply --ratio 0.5 --faces 10 --json";
+    let report = &sandbox.run(arguments).with_status(0).objects()[0];
     assert_eq!(report["target"].to_string(), r#"{"faces":10,"ratio":0.5}"#);
     assert_eq!(report["stopped_by"], "ratio");
 }
 
 #[test]
 fn every_option_reaches_the_engine() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(10));
-    let words = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(10));
+    let arguments = "simplify hills.ply -o low.obj --ratio 0.5 --fit off --placement endpoint --border lock \
                  --topology preserve --max-normal 60 --min-quality 0.01 --max-valence 12 --max-edge 50% --weld 0.001 \
                  --seed 7 --threads 1 --time-limit 60 --prune 1e-9 --escalate --per-mesh --method memoryless --normals recompute \
                  --preset visual --weight border=2";
-    desk.run(words).with_status(0);
-    assert!(desk.faces("low.obj") <= 200);
-    assert_eq!(desk.info("low.obj")["attributes"].to_string(), r#"["normals"]"#);
+    sandbox.run(arguments).with_status(0);
+    assert!(sandbox.faces("low.obj") <= 200);
+    assert_eq!(sandbox.info("low.obj")["attributes"].to_string(), r#"["normals"]"#);
 }
 
 #[test]
 fn threads_do_not_change_the_result() {
-    let desk = CliSandbox::new();
-    desk.put("hills.ply", &hills(30));
-    desk.run("simplify hills.ply -o one.ply --ratio 0.1 --threads 1").with_status(0);
-    desk.run("simplify hills.ply -o three.ply --ratio 0.1 --threads 3").with_status(0);
-    let read = |name| fs::read(desk.path(name)).expect("it was written");
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(30));
+    sandbox.run("simplify hills.ply -o one.ply --ratio 0.1 --threads 1").with_status(0);
+    sandbox.run("simplify hills.ply -o three.ply --ratio 0.1 --threads 3").with_status(0);
+    let read = |name| fs::read(sandbox.path(name)).expect("it was written");
     assert!(read("one.ply") == read("three.ply"));
 }
 
 #[test]
-fn dropped_attributes_are_warnings_and_strict_makes_them_faults() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    let ran = desk.run("simplify cube.ply -o low.stl --ratio 1").with_status(0);
+fn dropped_attributes_are_warnings_and_errors_with_strict() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    let outcome = sandbox.run("simplify cube.ply -o low.stl --ratio 1").with_status(0);
     assert!(
-        ran.stderr.starts_with("warning: cube.ply: ") && ran.stderr.contains("colours"),
+        outcome.stderr.starts_with("warning: cube.ply: ") && outcome.stderr.contains("colours"),
         "{}",
-        ran.stderr
+        outcome.stderr
     );
-    let ran = desk.run("simplify cube.ply -o low.stl --ratio 1 --json").with_status(0);
-    assert_eq!(ran.objects()[0]["warnings"].as_array().map(Vec::len), Some(1));
-    assert!(ran.stderr.contains("STL cannot carry colours"), "{}", ran.stderr);
-    fs::remove_file(desk.path("low.stl")).expect("it was written");
-    let ran =
-        desk.run("simplify cube.ply -o low.stl --ratio 1 --strict --quiet").with_status(3).with_one_error();
-    assert!(ran.stdout.is_empty());
-    assert_eq!(desk.faces("low.stl"), 12, "the result is written all the same");
+    let outcome = sandbox.run("simplify cube.ply -o low.stl --ratio 1 --json").with_status(0);
+    assert_eq!(outcome.objects()[0]["warnings"].as_array().map(Vec::len), Some(1));
+    assert!(outcome.stderr.contains("STL cannot carry colours"), "{}", outcome.stderr);
+    fs::remove_file(sandbox.path("low.stl")).expect("it was written");
+    let outcome = sandbox
+        .run("simplify cube.ply -o low.stl --ratio 1 --strict --quiet")
+        .with_status(3)
+        .with_one_error();
+    assert!(outcome.stdout.is_empty());
+    assert_eq!(sandbox.faces("low.stl"), 12, "the result is written all the same");
 }
 
 #[test]
-fn attributes_come_along() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    let ran = desk.run("simplify cube.ply -o low.ply --faces 8 --strict --weight color=2").with_status(0);
-    assert_eq!(ran.stderr, "");
-    assert_eq!(desk.info("low.ply")["attributes"].to_string(), r#"["colors"]"#);
+fn attributes_are_kept() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    let outcome =
+        sandbox.run("simplify cube.ply -o low.ply --faces 8 --strict --weight color=2").with_status(0);
+    assert_eq!(outcome.stderr, "");
+    assert_eq!(sandbox.info("low.ply")["attributes"].to_string(), r#"["colors"]"#);
     for wrong in ["--weight color", "--weight colour=1", "--weight color=-1"] {
-        desk.run(&format!("simplify cube.ply -o low.ply --faces 8 {wrong}")).with_status(2);
+        sandbox.run(&format!("simplify cube.ply -o low.ply --faces 8 {wrong}")).with_status(2);
     }
 }
 
 #[test]
 fn a_failing_file_does_not_stop_the_others() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(5));
-    desk.put("bad.ply", "ply\nformat ascii 1.0\nelement vertex many\nend_header\n");
-    desk.put("b.ply", &hills(6));
-    let ran = desk.run("simplify a.ply bad.ply missing.ply b.ply -O low --ratio 0.5 --json").with_status(1);
-    let objects = ran.objects();
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(5));
+    sandbox.put("bad.ply", "ply\nformat ascii 1.0\nelement vertex many\nend_header\n");
+    sandbox.put("b.ply", &hills(6));
+    let outcome =
+        sandbox.run("simplify a.ply bad.ply missing.ply b.ply -O low --ratio 0.5 --json").with_status(1);
+    let objects = outcome.objects();
     assert_eq!(objects.len(), 4);
     assert_eq!(objects[0]["input"]["path"], "a.ply");
     assert_eq!(keys(&objects[1]), ["path", "error"]);
     assert_eq!(objects[1]["path"], "bad.ply");
     assert_eq!(objects[2]["path"], "missing.ply");
     assert_eq!(objects[3]["input"]["path"], "b.ply");
-    assert_eq!(ran.stderr.lines().count(), 2);
-    assert!(ran.stderr.starts_with("error: bad.ply: "), "{}", ran.stderr);
-    assert_eq!(desk.names("low"), ["a_low.ply", "b_low.ply"]);
+    assert_eq!(outcome.stderr.lines().count(), 2);
+    assert!(outcome.stderr.starts_with("error: bad.ply: "), "{}", outcome.stderr);
+    assert_eq!(sandbox.names("low"), ["a_low.ply", "b_low.ply"]);
 }
 
 #[test]
-fn many_files_come_out_in_their_order() {
-    let desk = CliSandbox::new();
+fn results_are_in_the_order_of_the_inputs() {
+    let sandbox = CliSandbox::new();
     let names: Vec<String> = (0..9).map(|i| format!("m{i}.ply")).collect();
     for (i, name) in names.iter().enumerate() {
-        desk.put(name, &hills(20 - 2 * i));
+        sandbox.put(name, &hills(20 - 2 * i));
     }
-    let words = format!("simplify {} -O low --ratio 0.5 --json --threads 4", names.join(" "));
-    let objects = desk.run(&words).with_status(0).objects();
+    let arguments = format!("simplify {} -O low --ratio 0.5 --json --threads 4", names.join(" "));
+    let objects = sandbox.run(&arguments).with_status(0).objects();
     let got: Vec<&str> = objects.iter().filter_map(|o| o["input"]["path"].as_str()).collect();
     assert_eq!(got, names);
 }
 
 #[test]
 fn results_are_named_by_the_template() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(3));
-    desk.put("b.ply", &hills(3));
-    desk.run("simplify a.ply b.ply -O out/deep --to stl --name {stem}-half.{ext} --ratio 0.5").with_status(0);
-    assert_eq!(desk.names("out/deep"), ["a-half.stl", "b-half.stl"]);
-    assert_eq!(desk.info("out/deep/a-half.stl")["format"], "stl");
-    for words in ["-O out --name same.ply", "-o one.ply", "-O out --name {nothing}.ply"] {
-        let ran = desk.run(&format!("simplify a.ply b.ply {words} --ratio 0.5"));
-        ran.with_status(2).with_one_error();
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(3));
+    sandbox.put("b.ply", &hills(3));
+    sandbox
+        .run("simplify a.ply b.ply -O out/deep --to stl --name {stem}-half.{ext} --ratio 0.5")
+        .with_status(0);
+    assert_eq!(sandbox.names("out/deep"), ["a-half.stl", "b-half.stl"]);
+    assert_eq!(sandbox.info("out/deep/a-half.stl")["format"], "stl");
+    for arguments in ["-O out --name same.ply", "-o one.ply", "-O out --name {nothing}.ply"] {
+        let outcome = sandbox.run(&format!("simplify a.ply b.ply {arguments} --ratio 0.5"));
+        outcome.with_status(2).with_one_error();
     }
-    assert_eq!(desk.names("out"), ["deep"], "nothing is done before the fault is found");
+    assert_eq!(sandbox.names("out"), ["deep"], "nothing is done before the fault is found");
 }
 
 #[test]
 fn standard_streams_carry_meshes() {
-    let desk = CliSandbox::new();
-    let ran = desk.run_with("simplify - -o - --to stl --ratio 0.5", hills(10)).with_status(0);
-    let faces = (ran.stdout.len() - 84) / 50;
+    let sandbox = CliSandbox::new();
+    let outcome = sandbox.run_with("simplify - -o - --to stl --ratio 0.5", hills(10)).with_status(0);
+    let faces = (outcome.stdout.len() - 84) / 50;
     assert!((99..=100).contains(&faces), "{faces}");
-    assert!(ran.stderr.starts_with(&format!("-: 200 → {faces} faces")), "{}", ran.stderr);
-    let ran = desk.run_with("info - --json", ran.stdout).with_status(0);
-    assert_eq!((&ran.objects()[0]["format"], &ran.objects()[0]["faces"]), (&"stl".into(), &faces.into()));
-    desk.run_with("simplify - -o - --ratio 0.5", hills(2)).with_status(2).with_one_error();
-    desk.run_with("info --from stl -", "no mesh").with_status(1).with_one_error();
-    desk.run("compare - -").with_status(2).with_one_error();
+    assert!(outcome.stderr.starts_with(&format!("-: 200 → {faces} faces")), "{}", outcome.stderr);
+    let outcome = sandbox.run_with("info - --json", outcome.stdout).with_status(0);
+    assert_eq!(
+        (&outcome.objects()[0]["format"], &outcome.objects()[0]["faces"]),
+        (&"stl".into(), &faces.into())
+    );
+    sandbox.run_with("simplify - -o - --ratio 0.5", hills(2)).with_status(2).with_one_error();
+    sandbox.run_with("info --from stl -", "no mesh").with_status(1).with_one_error();
+    sandbox.run("compare - -").with_status(2).with_one_error();
 }
 
 #[test]
 fn an_existing_file_survives_a_failure_and_a_folder_is_refused() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(3));
-    desk.put("bad.ply", "ply\nbad");
-    desk.put("out.ply", "precious");
-    desk.run("simplify bad.ply -o out.ply --ratio 0.5").with_status(1).with_one_error();
-    assert_eq!(fs::read_to_string(desk.path("out.ply")).expect("it is there"), "precious");
-    desk.run("simplify a.ply -o out.ply --ratio 0.5").with_status(0);
-    assert_eq!(desk.faces("out.ply"), 9);
-    fs::create_dir(desk.path("folder.ply")).expect("there is room");
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(3));
+    sandbox.put("bad.ply", "ply\nbad");
+    sandbox.put("out.ply", "precious");
+    sandbox.run("simplify bad.ply -o out.ply --ratio 0.5").with_status(1).with_one_error();
+    assert_eq!(fs::read_to_string(sandbox.path("out.ply")).expect("it is there"), "precious");
+    sandbox.run("simplify a.ply -o out.ply --ratio 0.5").with_status(0);
+    assert_eq!(sandbox.faces("out.ply"), 9);
+    fs::create_dir(sandbox.path("folder.ply")).expect("the file can be written");
     for command in ["simplify --ratio 0.5 a.ply -o", "simplify --ratio 0.5 --force a.ply -o", "convert a.ply"]
     {
-        desk.run(&format!("{command} folder.ply")).with_status(2).with_one_error();
+        sandbox.run(&format!("{command} folder.ply")).with_status(2).with_one_error();
     }
-    desk.run("simplify a.ply -o nowhere/out.ply --ratio 0.5").with_status(1).with_one_error();
-    desk.run("simplify a.ply -O out.ply --ratio 0.5").with_status(2).with_one_error();
-    assert_eq!(desk.names("."), ["a.ply", "bad.ply", "folder.ply", "out.ply"], "nothing else stays behind");
+    sandbox.run("simplify a.ply -o nowhere/out.ply --ratio 0.5").with_status(1).with_one_error();
+    sandbox.run("simplify a.ply -O out.ply --ratio 0.5").with_status(2).with_one_error();
+    assert_eq!(
+        sandbox.names("."),
+        ["a.ply", "bad.ply", "folder.ply", "out.ply"],
+        "nothing else stays behind"
+    );
 }
 
 #[test]
-fn a_file_can_be_its_own_output_by_force() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(10));
-    desk.run("simplify a.ply -o a.ply --faces 50 --force").with_status(0);
-    assert!(desk.faces("a.ply") <= 50);
+fn a_file_can_be_its_own_output_with_force() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(10));
+    sandbox.run("simplify a.ply -o a.ply --faces 50 --force").with_status(0);
+    assert!(sandbox.faces("a.ply") <= 50);
 }
 
 #[test]
 fn a_write_protected_file_needs_force() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(3));
-    desk.put("out.ply", "precious");
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(3));
+    sandbox.put("out.ply", "precious");
     let protect = |yes| {
-        let mut permissions = fs::metadata(desk.path("out.ply")).expect("it is there").permissions();
+        let mut permissions = fs::metadata(sandbox.path("out.ply")).expect("it is there").permissions();
         permissions.set_readonly(yes);
-        fs::set_permissions(desk.path("out.ply"), permissions).expect("it is ours");
+        fs::set_permissions(sandbox.path("out.ply"), permissions).expect("the test owns it");
     };
     protect(true);
-    desk.run("convert a.ply out.ply").with_status(1).with_one_error();
-    assert_eq!(fs::read_to_string(desk.path("out.ply")).expect("it is there"), "precious");
-    desk.run("convert a.ply out.ply --force").with_status(0);
-    assert_eq!(desk.faces("out.ply"), 18);
-    assert_eq!(desk.names("."), ["a.ply", "out.ply"]);
+    sandbox.run("convert a.ply out.ply").with_status(1).with_one_error();
+    assert_eq!(fs::read_to_string(sandbox.path("out.ply")).expect("it is there"), "precious");
+    sandbox.run("convert a.ply out.ply --force").with_status(0);
+    assert_eq!(sandbox.faces("out.ply"), 18);
+    assert_eq!(sandbox.names("."), ["a.ply", "out.ply"]);
 }
 
 #[test]
-fn a_dry_run_writes_nothing_and_knows_the_losses() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    let words = "simplify cube.ply -O low --to stl --ratio 1 --dry-run --json";
-    let report = &desk.run(words).with_status(0).objects()[0];
+fn a_dry_run_writes_nothing_and_reports_losses() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    let arguments = "simplify cube.ply -O low --to stl --ratio 1 --dry-run --json";
+    let report = &sandbox.run(arguments).with_status(0).objects()[0];
     assert_eq!(report["dry_run"], true);
     assert_eq!(report["output"]["format"], "stl");
-    assert_eq!(desk.names("."), ["cube.ply"]);
+    assert_eq!(sandbox.names("."), ["cube.ply"]);
 }
 
 #[test]
-fn quiet_is_quiet_and_verbose_tells_more() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(5));
-    let ran = desk.run("simplify a.ply -o b.ply --ratio 0.5 --quiet").with_status(0);
-    assert_eq!((ran.stdout.len(), ran.stderr.as_str()), (0, ""));
-    let ran = desk.run("simplify a.ply -o b.ply --ratio 0.5 -v").with_status(0);
-    assert!(ran.text().contains("prepare ") && ran.text().lines().count() > 1, "{}", ran.text());
-    let ran = desk.run("simplify nothing.ply -o b.ply --ratio 0.5 --quiet").with_status(1).with_one_error();
-    assert_eq!(ran.stderr, "error: nothing.ply: cannot read: there is no such file\n");
+fn quiet_prints_nothing_and_verbose_prints_more() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(5));
+    let outcome = sandbox.run("simplify a.ply -o b.ply --ratio 0.5 --quiet").with_status(0);
+    assert_eq!((outcome.stdout.len(), outcome.stderr.as_str()), (0, ""));
+    let outcome = sandbox.run("simplify a.ply -o b.ply --ratio 0.5 -v").with_status(0);
+    assert!(outcome.text().contains("prepare ") && outcome.text().lines().count() > 1, "{}", outcome.text());
+    let outcome =
+        sandbox.run("simplify nothing.ply -o b.ply --ratio 0.5 --quiet").with_status(1).with_one_error();
+    assert_eq!(outcome.stderr, "error: nothing.ply: cannot read: there is no such file\n");
 }
 
 #[test]
-fn the_output_is_scaled_and_turned() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    desk.run("convert cube.ply big.ply --scale 10 --up y").with_status(0);
-    let bounds = &desk.info("big.ply")["bounds"];
+fn the_output_is_scaled_and_rotated() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    sandbox.run("convert cube.ply big.ply --scale 10 --up y").with_status(0);
+    let bounds = &sandbox.info("big.ply")["bounds"];
     assert_eq!(bounds["min"].to_string(), "[0.0,0.0,-10.0]");
     assert_eq!(bounds["max"].to_string(), "[10.0,10.0,0.0]");
     assert!(
-        desk.info("big.ply")["volume"].as_f64().expect("a volume") > 999.0,
+        sandbox.info("big.ply")["volume"].as_f64().expect("a volume") > 999.0,
         "it is not turned inside out"
     );
 }
@@ -336,9 +359,9 @@ fn the_output_is_scaled_and_turned() {
 
 #[test]
 fn info_has_the_promised_keys_in_their_order() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    let info = desk.info("cube.ply");
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    let info = sandbox.info("cube.ply");
     assert_eq!(
         keys(&info),
         [
@@ -394,39 +417,39 @@ fn info_has_the_promised_keys_in_their_order() {
 
 #[test]
 fn info_names_defects() {
-    let desk = CliSandbox::new();
+    let sandbox = CliSandbox::new();
     // Three faces at one edge, one of them duplicated, one without area, and an unused vertex.
     let vertices = "0 0 0\n1 0 0\n0 1 0\n0 -1 0\n0 0 1\n9 9 9\n";
     let faces = "3 0 1 2\n3 1 0 3\n3 0 1 4\n3 0 1 4\n3 0 0 1\n";
-    desk.put("bad.ply", &ply("", 6, 5, vertices, faces));
-    let info = desk.info("bad.ply");
+    sandbox.put("bad.ply", &ply("", 6, 5, vertices, faces));
+    let info = sandbox.info("bad.ply");
     assert_eq!((&info["manifold"], &info["genus"]), (&false.into(), &Value::Null));
     assert_eq!(info["duplicate_faces"], 1);
     assert_eq!(info["degenerate_faces"], 1);
     assert_eq!(info["unused_vertices"], 1);
-    let ran = desk.run("info bad.ply").with_status(0);
+    let outcome = sandbox.run("info bad.ply").with_status(0);
     for line in ["  duplicate faces   1", "  surface           not closed, not manifold"] {
-        assert!(ran.text().contains(line), "{}", ran.text());
+        assert!(outcome.text().contains(line), "{}", outcome.text());
     }
 }
 
 #[test]
-fn info_goes_on_after_a_failure() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(2));
-    let ran = desk.run("info --json missing.ply a.ply").with_status(1);
-    assert_eq!(keys(&ran.objects()[0]), ["path", "error"]);
-    assert_eq!(ran.objects()[1]["faces"], 8);
-    desk.run("info").with_status(2);
+fn info_continues_after_a_failure() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(2));
+    let outcome = sandbox.run("info --json missing.ply a.ply").with_status(1);
+    assert_eq!(keys(&outcome.objects()[0]), ["path", "error"]);
+    assert_eq!(outcome.objects()[1]["faces"], 8);
+    sandbox.run("info").with_status(2);
 }
 
 #[test]
-fn compare_has_the_promised_keys_and_knows_equals() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(8));
-    desk.run("convert a.ply b.ply --scale 1.5").with_status(0);
+fn compare_has_the_promised_keys_and_recognises_equal_meshes() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(8));
+    sandbox.run("convert a.ply b.ply --scale 1.5").with_status(0);
     let same =
-        desk.run("compare a.ply a.ply --json --samples 1000 --seed 3").with_status(0).objects().remove(0);
+        sandbox.run("compare a.ply a.ply --json --samples 1000 --seed 3").with_status(0).objects().remove(0);
     assert_eq!(
         keys(&same),
         [
@@ -448,46 +471,46 @@ fn compare_has_the_promised_keys_and_knows_equals() {
     assert_eq!(keys(&same["normal_deviation_deg"]), ["mean", "p95"]);
     assert_eq!(same["seed"], 3);
     assert!(same["hausdorff"]["symmetric"].as_f64().expect("a distance") < 1e-12);
-    let other = desk.run("compare a.ply b.ply --json").with_status(0).objects().remove(0);
+    let other = sandbox.run("compare a.ply b.ply --json").with_status(0).objects().remove(0);
     assert!(other["hausdorff"]["symmetric"].as_f64().expect("a distance") > 0.5);
-    let table = desk.run("compare a.ply b.ply").with_status(0);
+    let table = sandbox.run("compare a.ply b.ply").with_status(0);
     for word in ["largest", "mean", "rms", "p99", "forward", "backward", "symmetric"] {
         assert!(table.text().contains(word), "{}", table.text());
     }
-    desk.run("compare a.ply missing.ply").with_status(1).with_one_error();
+    sandbox.run("compare a.ply missing.ply").with_status(1).with_one_error();
 }
 
 #[test]
-fn a_heat_map_is_the_reference_in_colours() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(8));
-    desk.put("b.ply", &hills(3));
-    desk.run("compare a.ply b.ply --heatmap heat.ply").with_status(0);
-    let info = desk.info("heat.ply");
+fn a_heat_map_colours_the_reference() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(8));
+    sandbox.put("b.ply", &hills(3));
+    sandbox.run("compare a.ply b.ply --heatmap heat.ply").with_status(0);
+    let info = sandbox.info("heat.ply");
     assert_eq!((&info["faces"], &info["vertices"]), (&128.into(), &81.into()));
     assert_eq!(info["attributes"].to_string(), r#"["colors"]"#);
-    desk.run("compare a.ply b.ply --heatmap heat.stl").with_status(2).with_one_error();
+    sandbox.run("compare a.ply b.ply --heatmap heat.stl").with_status(2).with_one_error();
 }
 
 #[test]
-fn convert_keeps_what_fits_and_warns_of_the_rest() {
-    let desk = CliSandbox::new();
-    desk.put("cube.ply", &coloured_cube());
-    let ran = desk.run("convert cube.ply cube.obj").with_status(0);
-    assert_eq!(ran.stderr, "");
-    assert_eq!(desk.info("cube.obj")["attributes"].to_string(), r#"["colors"]"#);
-    let ran = desk.run("convert cube.ply cube.stl").with_status(0);
-    assert!(ran.stderr.starts_with("warning: cube.ply: STL cannot carry colours"), "{}", ran.stderr);
-    desk.run("convert cube.ply strict.stl --strict").with_status(3).with_one_error();
-    assert_eq!(desk.faces("strict.stl"), 12);
+fn convert_warns_of_data_that_the_format_lacks() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("cube.ply", &coloured_cube());
+    let outcome = sandbox.run("convert cube.ply cube.obj").with_status(0);
+    assert_eq!(outcome.stderr, "");
+    assert_eq!(sandbox.info("cube.obj")["attributes"].to_string(), r#"["colors"]"#);
+    let outcome = sandbox.run("convert cube.ply cube.stl").with_status(0);
+    assert!(outcome.stderr.starts_with("warning: cube.ply: STL cannot carry colours"), "{}", outcome.stderr);
+    sandbox.run("convert cube.ply strict.stl --strict").with_status(3).with_one_error();
+    assert_eq!(sandbox.faces("strict.stl"), 12);
     for name in ["cube.off", "cube.glb", "cube.gltf", "text.ply"] {
-        desk.run(&format!("convert cube.ply {name} --ascii")).with_status(0);
-        assert_eq!(desk.faces(name), 12, "{name}");
+        sandbox.run(&format!("convert cube.ply {name} --ascii")).with_status(0);
+        assert_eq!(sandbox.faces(name), 12, "{name}");
     }
-    assert!(fs::read_to_string(desk.path("text.ply")).expect("it is text").contains("format ascii"));
-    let ran = desk.run("convert cube.ply - --to stl --ascii --quiet").with_status(0);
-    assert!(ran.text().starts_with("solid"));
-    desk.run("convert cube.ply cube.doc").with_status(2).with_one_error();
+    assert!(fs::read_to_string(sandbox.path("text.ply")).expect("it is text").contains("format ascii"));
+    let outcome = sandbox.run("convert cube.ply - --to stl --ascii --quiet").with_status(0);
+    assert!(outcome.text().starts_with("solid"));
+    sandbox.run("convert cube.ply cube.doc").with_status(2).with_one_error();
 }
 
 /// A triangle with an external image, an animated node and an unknown extension.
@@ -505,18 +528,18 @@ const SCENE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[
 
 #[test]
 fn convert_keeps_a_whole_scene() {
-    let desk = CliSandbox::new();
+    let sandbox = CliSandbox::new();
     for folder in ["in", "out"] {
-        fs::create_dir(desk.path(folder)).expect("there is room for a folder");
+        fs::create_dir(sandbox.path(folder)).expect("the folder can be created");
     }
-    desk.put("in/a.gltf", SCENE);
+    sandbox.put("in/a.gltf", SCENE);
     let image = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x02\0\0\0\x02\x08\x02\0\0\0";
-    fs::write(desk.path("in/a b.png"), image).expect("there is room for a file");
+    fs::write(sandbox.path("in/a b.png"), image).expect("the file can be written");
     let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
     let kept =
         ["asset", "scene", "scenes", "nodes", "meshes", "materials", "textures", "animations", "accessors"];
     let json_of = |name: &str| {
-        let bytes = fs::read(desk.path(name)).expect("it was written");
+        let bytes = fs::read(sandbox.path(name)).expect("it was written");
         let json = match bytes.strip_prefix(b"glTF") {
             None => bytes,
             Some(_) => bytes[20..]
@@ -529,122 +552,122 @@ fn convert_keeps_a_whole_scene() {
         json
     };
 
-    // Into one file, image included.
-    let ran = desk.run("convert in/a.gltf out/a.glb --strict").with_status(0);
-    assert_eq!(ran.stderr, "");
+    // Into one file, with the image.
+    let outcome = sandbox.run("convert in/a.gltf out/a.glb --strict").with_status(0);
+    assert_eq!(outcome.stderr, "");
     let glb = json_of("out/a.glb");
     assert_eq!(glb["images"].to_string(), r#"[{"name":"skin","bufferView":2,"mimeType":"image/png"}]"#);
-    let bytes = fs::read(desk.path("out/a.glb")).expect("it was written");
+    let bytes = fs::read(sandbox.path("out/a.glb")).expect("it was written");
     assert!(bytes.windows(image.len()).any(|w| w == image));
     // And back; also from standard input.
-    desk.run("convert out/a.glb out/b.gltf --strict").with_status(0);
+    sandbox.run("convert out/a.glb out/b.gltf --strict").with_status(0);
     assert_eq!(json_of("out/b.gltf")["images"], glb["images"]);
-    let ran = desk.run_with("convert - - --to glb --quiet", bytes.clone()).with_status(0);
-    assert_eq!(ran.stdout, bytes);
+    let outcome = sandbox.run_with("convert - - --to glb --quiet", bytes.clone()).with_status(0);
+    assert_eq!(outcome.stdout, bytes);
 
-    // In another folder: the image stays where it was if asked for.
-    let ran = desk.run("convert in/a.gltf out/c.gltf --strict --textures link").with_status(0);
-    assert!(ran.stderr.contains("still those in the folder of the input: a%20b.png"), "{}", ran.stderr);
+    // Into another folder: with --textures link, the image is not copied.
+    let outcome = sandbox.run("convert in/a.gltf out/c.gltf --strict --textures link").with_status(0);
+    assert!(outcome.stderr.contains("still in the folder of the input: a%20b.png"), "{}", outcome.stderr);
     assert_eq!(json_of("out/c.gltf")["images"][0]["uri"], "../in/a%20b.png");
-    let ran = desk.run("convert in/a.gltf in/d.gltf --strict").with_status(0);
-    assert_eq!(ran.stderr, "");
+    let outcome = sandbox.run("convert in/a.gltf in/d.gltf --strict").with_status(0);
+    assert_eq!(outcome.stderr, "");
     assert_eq!(json_of("in/d.gltf")["images"], source["images"]);
 
-    // Another format, or a rotation, keeps the mesh alone, with a warning.
-    let ran = desk.run("convert in/a.gltf out/a.ply").with_status(0);
-    assert!(ran.stderr.contains("animations are not carried"), "{}", ran.stderr);
-    desk.run("convert in/a.gltf out/e.glb --up z --strict").with_status(3);
-    assert_eq!(desk.faces("out/e.glb"), 1);
+    // Another format, or a rotation, keeps only the mesh, with a warning.
+    let outcome = sandbox.run("convert in/a.gltf out/a.ply").with_status(0);
+    assert!(outcome.stderr.contains("animations are not carried"), "{}", outcome.stderr);
+    sandbox.run("convert in/a.gltf out/e.glb --up z --strict").with_status(3);
+    assert_eq!(sandbox.faces("out/e.glb"), 1);
 }
 
 #[test]
 fn simplify_keeps_a_whole_scene() {
-    let desk = CliSandbox::new();
-    desk.put("a.gltf", SCENE);
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.gltf", SCENE);
     let source: Value = serde_json::from_str(SCENE).expect("it is JSON");
-    let ran = desk.run("simplify a.gltf -o b.gltf --faces 1 --strict --json").with_status(0);
-    let report = &ran.objects()[0];
+    let outcome = sandbox.run("simplify a.gltf -o b.gltf --faces 1 --strict --json").with_status(0);
+    let report = &outcome.objects()[0];
     assert_eq!((&report["input"]["faces"], &report["output"]["faces"]), (&1.into(), &1.into()));
-    // The diagonal is that of the scene, where a node makes the mesh twice as large.
+    // The diagonal is measured in the scene, where a node makes the mesh twice as large.
     let diagonal = report["error"]["diagonal"].as_f64().expect("it is a number");
     assert!((diagonal - 8f64.sqrt()).abs() < 1e-6, "{diagonal}");
-    let text = fs::read_to_string(desk.path("b.gltf")).expect("it was written");
+    let text = fs::read_to_string(sandbox.path("b.gltf")).expect("it was written");
     let json: Value = serde_json::from_str(&text).expect("it is JSON");
     for key in ["asset", "scene", "scenes", "nodes", "materials", "textures", "images", "animations"] {
         assert_eq!(json[key].to_string(), source[key].to_string(), "{key}");
     }
-    // With several triangles the mesh gets lighter; its node is kept.
-    desk.put("hills.ply", &hills(10));
-    desk.run("convert hills.ply hills.glb").with_status(0);
-    desk.run("simplify hills.glb -o low.glb --ratio 0.2 --strict").with_status(0);
-    assert!(desk.faces("low.glb") <= 40);
-    desk.run("simplify hills.glb -o low.ply --ratio 0.2").with_status(0);
-    assert!(desk.faces("low.ply") <= 40);
-    let words = "simplify hills.glb -o low.glb --ratio 0.2 --per-mesh --json";
-    let meshes = &desk.run(words).with_status(0).objects()[0]["meshes"];
+    // With more triangles, the mesh is simplified; its node is kept.
+    sandbox.put("hills.ply", &hills(10));
+    sandbox.run("convert hills.ply hills.glb").with_status(0);
+    sandbox.run("simplify hills.glb -o low.glb --ratio 0.2 --strict").with_status(0);
+    assert!(sandbox.faces("low.glb") <= 40);
+    sandbox.run("simplify hills.glb -o low.ply --ratio 0.2").with_status(0);
+    assert!(sandbox.faces("low.ply") <= 40);
+    let arguments = "simplify hills.glb -o low.glb --ratio 0.2 --per-mesh --json";
+    let meshes = &sandbox.run(arguments).with_status(0).objects()[0]["meshes"];
     assert_eq!((&meshes[0]["instances"], &meshes[0]["input"]["faces"]), (&1.into(), &200.into()));
-    assert_eq!(meshes[0]["output"]["faces"].as_u64(), Some(desk.faces("low.glb")));
+    assert_eq!(meshes[0]["output"]["faces"].as_u64(), Some(sandbox.faces("low.glb")));
     assert_eq!(meshes[0]["reached"], true);
 }
 
-// --------------------------------------------------------------- the rest
+// ------------------------------------------------------- other commands
 
 #[test]
-fn package_makers_get_their_pages() {
-    let desk = CliSandbox::new();
+fn manual_pages_and_completions_are_printed() {
+    let sandbox = CliSandbox::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        assert!(desk.run(&format!("completions {shell}")).with_status(0).text().contains("lodsmith"));
+        assert!(sandbox.run(&format!("completions {shell}")).with_status(0).text().contains("lodsmith"));
     }
-    assert!(desk.run("man").with_status(0).text().contains(".TH lodsmith 1"));
-    assert!(desk.run("man simplify").with_status(0).text().contains("lodsmith\\-simplify"));
-    desk.run("man nothing").with_status(2).with_one_error();
-    assert!(desk.run("--version").with_status(0).text().starts_with("lodsmith 0."));
+    assert!(sandbox.run("man").with_status(0).text().contains(".TH lodsmith 1"));
+    assert!(sandbox.run("man simplify").with_status(0).text().contains("lodsmith\\-simplify"));
+    sandbox.run("man nothing").with_status(2).with_one_error();
+    assert!(sandbox.run("--version").with_status(0).text().starts_with("lodsmith 0."));
 }
 
 #[test]
-fn what_is_no_command_is_not_known() {
-    let desk = CliSandbox::new();
+fn unknown_commands_are_refused() {
+    let sandbox = CliSandbox::new();
     for command in ["simplfy", "levels"] {
-        let ran = desk.run(command).with_status(2);
-        assert!(ran.stderr.contains("unrecognized subcommand"), "{command}: {}", ran.stderr);
+        let outcome = sandbox.run(command).with_status(2);
+        assert!(outcome.stderr.contains("unrecognized subcommand"), "{command}: {}", outcome.stderr);
     }
 }
 
 #[test]
 #[cfg(unix)]
-fn a_closed_pipe_is_no_fault() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(40));
-    for words in ["info --json a.ply a.ply", "completions zsh", "simplify --help"] {
-        let output = desk.run_without_reader(words);
-        assert_eq!(output.status.code(), Some(0), "{words}");
-        assert!(output.stderr.is_empty(), "{words}: {}", output.stderr.escape_ascii());
+fn a_closed_pipe_is_no_error() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(40));
+    for arguments in ["info --json a.ply a.ply", "completions zsh", "simplify --help"] {
+        let output = sandbox.run_without_reader(arguments);
+        assert_eq!(output.status.code(), Some(0), "{arguments}");
+        assert!(output.stderr.is_empty(), "{arguments}: {}", output.stderr.escape_ascii());
     }
 }
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_told_once() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(4));
-    let ran = desk.run("convert a.ply /dev/full --to stl").with_status(1).with_one_error();
-    assert_eq!(ran.stderr.matches("No space left").count(), 1, "{}", ran.stderr);
+fn a_full_disk_is_reported_once() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(4));
+    let outcome = sandbox.run("convert a.ply /dev/full --to stl").with_status(1).with_one_error();
+    assert_eq!(outcome.stderr.matches("No space left").count(), 1, "{}", outcome.stderr);
 }
 
 #[test]
 #[cfg(unix)]
-fn an_interrupt_ends_it_without_half_files() {
+fn an_interrupt_leaves_no_partial_files() {
     use std::io::Read as _;
     use std::os::unix::process::ExitStatusExt as _;
     use std::process::Command;
     for (signal, status) in [("-INT", 130), ("-TERM", 143)] {
-        let desk = CliSandbox::new();
-        desk.put("a.ply", &hills(20));
-        // It waits for a mesh on a pipe that stays open, so that the interrupt cannot come too late.
-        let mut child = desk.start("simplify a.ply - -O low --to ply --ratio 0.5 --threads 1 --json");
+        let sandbox = CliSandbox::new();
+        sandbox.put("a.ply", &hills(20));
+        // The command waits for a mesh on a pipe that stays open, so that the interrupt cannot come too late.
+        let mut child = sandbox.start("simplify a.ply - -O low --to ply --ratio 0.5 --threads 1 --json");
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
-        // The first report shows that it has started.
+        // The first report shows that the command has started.
         let mut byte = [0];
         child.stdout.as_mut().expect("it is piped").read_exact(&mut byte).expect("a report comes");
         // Uses the shell's builtin: a program of that name does not exist everywhere.
@@ -652,53 +675,53 @@ fn an_interrupt_ends_it_without_half_files() {
         assert!(Command::new("sh").args(kill).status().expect("a shell is there").success());
         let ended = child.wait().expect("it ends");
         assert_eq!((ended.code(), ended.signal()), (Some(status), None));
-        assert_eq!(desk.names("low"), ["a_low.ply"]);
+        assert_eq!(sandbox.names("low"), ["a_low.ply"]);
     }
 }
 
-/// They wait for a mesh on a pipe that stays open.
+/// The commands wait for a mesh on a pipe that stays open.
 #[test]
 fn a_time_limit_ends_every_command() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(4));
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(4));
     for line in ["info -", "convert - b.ply", "clean - -o b.ply", "compare - a.ply", "render - -o b.png"] {
-        let mut child = desk.start(&format!("{line} --time-limit 0.2"));
+        let mut child = sandbox.start(&format!("{line} --time-limit 0.2"));
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
         let ended = child.wait_with_output().expect("it ends");
-        let told = String::from_utf8_lossy(&ended.stderr);
-        assert_eq!(ended.status.code(), Some(1), "{line}: {told}");
-        assert!(told.contains("not done within the time limit of 0.2 s"), "{line}: {told}");
-        assert_eq!(desk.names("."), ["a.ply"], "{line}");
+        let stderr = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(1), "{line}: {stderr}");
+        assert!(stderr.contains("not done within the time limit of 0.2 s"), "{line}: {stderr}");
+        assert_eq!(sandbox.names("."), ["a.ply"], "{line}");
     }
 }
 
 #[test]
-fn nothing_is_drawn_on_a_pipe() {
-    let desk = CliSandbox::new();
-    desk.put("a.ply", &hills(40));
-    let ran = desk.run("simplify a.ply -o b.ply --ratio 0.1").with_status(0);
-    assert!(!ran.stderr.contains('\x1b') && !ran.text().contains('\x1b'));
-    assert!(Path::new(&desk.path("b.ply")).is_file());
+fn no_progress_bar_is_drawn_on_a_pipe() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(40));
+    let outcome = sandbox.run("simplify a.ply -o b.ply --ratio 0.1").with_status(0);
+    assert!(!outcome.stderr.contains('\x1b') && !outcome.text().contains('\x1b'));
+    assert!(Path::new(&sandbox.path("b.ply")).is_file());
 }
 
-/// A closed surface may be open for programs that join no vertices at equal positions.
+/// A closed surface may be open for programs that do not merge vertices at equal positions.
 #[test]
 fn info_says_whether_a_surface_is_closed_by_its_indices() {
-    let desk = CliSandbox::new();
+    let sandbox = CliSandbox::new();
     let corners = ["0 0 0\n", "1 0 0\n", "0 1 0\n", "0 0 1\n"];
     let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let shared: String = faces.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")).collect();
-    desk.put("shared.ply", &ply("", 4, 4, &corners.concat(), &shared));
+    sandbox.put("shared.ply", &ply("", 4, 4, &corners.concat(), &shared));
     let apart: String = faces.as_flattened().iter().map(|&i| corners[i]).collect();
     let each: String = (0..4).map(|f| format!("3 {} {} {}\n", 3 * f, 3 * f + 1, 3 * f + 2)).collect();
-    desk.put("apart.ply", &ply("", 12, 4, &apart, &each));
-    let told = |name: &str| {
-        let info = desk.info(name);
+    sandbox.put("apart.ply", &ply("", 12, 4, &apart, &each));
+    let closed = |name: &str| {
+        let info = sandbox.info(name);
         (info["closed"].clone(), info["closed_by_index"].clone())
     };
-    assert_eq!(told("shared.ply"), (true.into(), true.into()));
-    assert_eq!(told("apart.ply"), (true.into(), false.into()));
-    let text = desk.run("info apart.ply").with_status(0);
+    assert_eq!(closed("shared.ply"), (true.into(), true.into()));
+    assert_eq!(closed("apart.ply"), (true.into(), false.into()));
+    let text = sandbox.run("info apart.ply").with_status(0);
     assert!(text.text().contains("closed, not by its indices"), "{}", text.text());
 }

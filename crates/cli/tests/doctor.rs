@@ -1,17 +1,17 @@
 //! `lodsmith doctor` from end to end, with or without the window built in.
 
-use crate::desk::{CliSandbox, keys};
+use crate::sandbox::{CliSandbox, keys};
 
 #[test]
 fn the_object_has_the_promised_keys_and_names_what_is_missing() {
-    let ran = CliSandbox::new().run("doctor --json");
-    let object = &ran.objects()[0];
+    let outcome = CliSandbox::new().run("doctor --json");
+    let object = &outcome.objects()[0];
     assert_eq!(keys(object), ["version", "platform", "threads", "viewer", "missing"]);
     assert_eq!(object["version"], env!("CARGO_PKG_VERSION"));
     assert!(object["threads"].as_u64().unwrap() >= 1);
     assert_eq!(object["viewer"]["built_in"], cfg!(feature = "view"));
     let missing = object["missing"].as_array().unwrap();
-    assert_eq!(ran.status, i32::from(!missing.is_empty()));
+    assert_eq!(outcome.status, i32::from(!missing.is_empty()));
     for m in missing {
         assert_eq!(keys(m), ["what", "hint", "packages"]);
     }
@@ -27,8 +27,12 @@ fn the_object_has_the_promised_keys_and_names_what_is_missing() {
 
 #[test]
 fn the_table_says_whether_there_is_a_window() {
-    let ran = CliSandbox::new().run("doctor");
-    assert!(ran.text().starts_with(concat!("lodsmith ", env!("CARGO_PKG_VERSION"), "\n")), "{}", ran.text());
+    let outcome = CliSandbox::new().run("doctor");
+    assert!(
+        outcome.text().starts_with(concat!("lodsmith ", env!("CARGO_PKG_VERSION"), "\n")),
+        "{}",
+        outcome.text()
+    );
     let says = if cfg!(feature = "view") { "built in" } else { "--features view" };
-    assert!(ran.text().contains(says), "{}", ran.text());
+    assert!(outcome.text().contains(says), "{}", outcome.text());
 }

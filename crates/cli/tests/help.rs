@@ -1,4 +1,4 @@
-//! Snapshots of `--help`: a change here is a change of the contract.
+//! Snapshots of `--help`, which is a contract with users.
 
 use assert_cmd::Command;
 
@@ -16,7 +16,7 @@ fn help(command: &[&str]) -> String {
 }
 
 #[test]
-fn help_of_the_whole() {
+fn help_of_lodsmith() {
     insta::assert_snapshot!(help(&[]));
 }
 
@@ -71,7 +71,7 @@ fn help_of_clean() {
 }
 
 #[test]
-fn options_of_later_releases_are_not_known() {
+fn options_of_later_releases_are_unknown() {
     assert!(!help(&["simplify"]).contains("--cache"));
 }
 

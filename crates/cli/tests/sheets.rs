@@ -1,10 +1,10 @@
-//! Two-sided sheets in files of several formats: their area stays what that of sheets with one side is.
+//! Two-sided sheets in files of several formats: they keep as much area as sheets with one side.
 
 use std::fmt::Write as _;
 
-use crate::desk::CliSandbox;
+use crate::sandbox::CliSandbox;
 
-/// An OBJ file of bent cards, with or without backs of another material.
+/// An OBJ file of bent cards, with or without backs in another material.
 struct Cards {
     text: String,
     vertices: usize,
@@ -17,11 +17,11 @@ impl Cards {
         Self { text: String::new(), vertices: 0, fronts: Vec::new(), backs: Vec::new() }
     }
     fn vertex(&mut self, [x, y, z]: [f64; 3]) -> usize {
-        writeln!(self.text, "v {x:.6} {y:.6} {z:.6}").expect("text takes lines");
+        writeln!(self.text, "v {x:.6} {y:.6} {z:.6}").expect("writing to a string cannot fail");
         self.vertices += 1;
         self.vertices
     }
-    /// Adds a card that stands on a row of vertices, which both of its sides use.
+    /// Adds a card that stands on a row of vertices, which its two sides share.
     fn stand(&mut self, foot: &[(usize, [f64; 3])], rows: u32) {
         let add = |cards: &mut Self, is_back: bool| {
             let mut below: Vec<usize> = foot.iter().map(|(v, _)| *v).collect();
@@ -60,7 +60,7 @@ impl Cards {
         }
         cards
     }
-    /// A closed box with fins, the backs of which are the last faces.
+    /// A closed box with fins; the last faces are the backs of the fins.
     fn on_a_box() -> Self {
         let [single, both] = [false, true].map(lodsmith::core::shapes::box_with_fins);
         let mut cards = Self::new();
@@ -78,33 +78,34 @@ impl Cards {
 }
 
 #[test]
-fn sheets_with_two_sides_keep_their_area_in_every_format() {
-    let desk = CliSandbox::new();
-    desk.put("two.mtl", "newmtl front\nKd 0 1 0\nnewmtl back\nKd 0 0.5 0\n");
+fn two_sided_sheets_keep_their_area_in_every_format() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("two.mtl", "newmtl front\nKd 0 1 0\nnewmtl back\nKd 0 0.5 0\n");
     let models = [
         ("cards", Cards::of(20, [2, 6]), 0.0),
         ("many", Cards::of(150, [1, 6]), 0.0),
         ("fins", Cards::on_a_box(), 6.0),
     ];
     for (name, cards, solid) in models {
-        desk.put(&format!("{name}_single.obj"), &cards.obj(false));
-        desk.put(&format!("{name}_both.obj"), &cards.obj(true));
+        sandbox.put(&format!("{name}_single.obj"), &cards.obj(false));
+        sandbox.put(&format!("{name}_both.obj"), &cards.obj(true));
         for format in ["glb", "stl", "ply"] {
             for side in ["single", "both"] {
-                desk.run(&format!("convert {name}_{side}.obj {name}_{side}.{format}")).with_status(0);
+                sandbox.run(&format!("convert {name}_{side}.obj {name}_{side}.{format}")).with_status(0);
             }
-            let two_sided = &desk.info(&format!("{name}_both.{format}"))["two_sided_faces"];
+            let two_sided = &sandbox.info(&format!("{name}_both.{format}"))["two_sided_faces"];
             assert_eq!(*two_sided, 2 * cards.backs.len(), "{name}.{format}");
             for ratio in [0.5, 0.25, 0.1] {
                 let [single, both] = ["single", "both"].map(|side| {
-                    let words = format!("simplify {name}_{side}.{format} --ratio {ratio} -o out.{format}");
-                    desk.run(&format!("{words} --strict")).with_status(0);
-                    desk.info(&format!("out.{format}"))["area"].as_f64().expect("an area")
+                    let arguments =
+                        format!("simplify {name}_{side}.{format} --ratio {ratio} -o out.{format}");
+                    sandbox.run(&format!("{arguments} --strict")).with_status(0);
+                    sandbox.info(&format!("out.{format}"))["area"].as_f64().expect("an area")
                 });
-                let wanted = 2.0 * single - solid;
+                let expected = 2.0 * single - solid;
                 assert!(
-                    (both / wanted - 1.0).abs() < 0.02,
-                    "{name}.{format} at {ratio}: {both} for {wanted}"
+                    (both / expected - 1.0).abs() < 0.02,
+                    "{name}.{format} at {ratio}: {both} for {expected}"
                 );
             }
         }

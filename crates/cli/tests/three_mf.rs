@@ -1,4 +1,4 @@
-//! 3MF from end to end: a scene stays one in a file of the same format, and in those made from it.
+//! 3MF from end to end: a scene stays a scene in 3MF and in other scene formats.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use tempfile::TempDir;
 const TOKENS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/tokens.3mf");
 
 /// Runs the command in a folder; returns its status and both outputs.
-fn run(folder: &Path, words: &[&str]) -> (i32, String, String) {
+fn run(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let output = Command::cargo_bin("lodsmith")
         .expect("the command is built")
-        .args(words)
+        .args(arguments)
         .current_dir(folder)
         .output()
         .expect("it runs");
@@ -20,9 +20,9 @@ fn run(folder: &Path, words: &[&str]) -> (i32, String, String) {
     (output.status.code().expect("it ends by itself"), text(output.stdout), text(output.stderr))
 }
 
-fn json(folder: &Path, words: &[&str]) -> Value {
-    let (status, out, err) = run(folder, words);
-    assert_eq!(status, 0, "{words:?}: {err}");
+fn json(folder: &Path, arguments: &[&str]) -> Value {
+    let (status, out, err) = run(folder, arguments);
+    assert_eq!(status, 0, "{arguments:?}: {err}");
     serde_json::from_str(out.lines().next().expect("there is a line")).expect("it is JSON")
 }
 
@@ -34,7 +34,7 @@ fn counts(folder: &Path, file: &str) -> Vec<Value> {
 
 #[test]
 fn a_scene_stays_one() {
-    let folder = TempDir::new().expect("there is room for a folder");
+    let folder = TempDir::new().expect("the folder can be created");
     let folder = folder.path();
     let converted = json(folder, &["convert", TOKENS, "a.3mf", "--json"]);
     assert_eq!(converted["warnings"], Value::Array(Vec::new()));
@@ -42,7 +42,7 @@ fn a_scene_stays_one() {
     for key in ["triangles", "draw_calls", "texture_bytes"] {
         assert_eq!(converted["input"]["sizes"][key], converted["output"]["sizes"][key], "{key}");
     }
-    // By way of glTF, too; and the same file again is the same to the byte.
+    // Also through glTF; and writing the same file again gives the same bytes.
     json(folder, &["convert", "a.3mf", "b.glb", "--json"]);
     json(folder, &["convert", "b.glb", "b.3mf", "--json"]);
     assert_eq!(counts(folder, "b.3mf"), counts(folder, TOKENS));
@@ -53,7 +53,7 @@ fn a_scene_stays_one() {
 
 #[test]
 fn every_command_writes_scenes() {
-    let folder = TempDir::new().expect("there is room for a folder");
+    let folder = TempDir::new().expect("the folder can be created");
     let folder = folder.path();
     let meshes = counts(folder, TOKENS)[0].clone();
     json(folder, &["simplify", TOKENS, "-o", "low.3mf", "--ratio", "1", "--json"]);
@@ -62,11 +62,11 @@ fn every_command_writes_scenes() {
     for file in ["low.3mf", "clean.3mf", "levels/tokens_lod0.3mf"] {
         assert_eq!(counts(folder, file)[0], meshes, "{file}");
     }
-    // Scaled, it is one mesh.
+    // A scaled scene becomes one mesh.
     json(folder, &["convert", TOKENS, "big.3mf", "--scale", "2", "--json"]);
     assert_eq!(counts(folder, "big.3mf")[0], 1);
     let (_, _, err) = run(folder, &["convert", TOKENS, "bare.3mf", "--textures", "none"]);
     assert!(err.contains("materials dropped: --textures none"), "{err}");
-    // The group of the colours of vertices.
+    // The colour group of the vertices.
     assert_eq!(counts(folder, "bare.3mf")[2..], [Value::from(1), Value::from(0)]);
 }

@@ -17,8 +17,8 @@ Maps:
   object-normal       normals in coordinates of the mesh
   curvature           mean curvature of HIGH
 
-The first five go into the materials of GLB, glTF and OBJ. The others are written beside OUT, as OUT_height.png and so \
-on; with --map-files all of them are.
+The first five maps become part of the materials of GLB, glTF and OBJ. The others are written to files beside OUT: \
+OUT_height.png and so on. With --map-files, every map is.
 
 Examples:
   lodsmith bake statue.ply statue_low.obj -o statue.glb --maps normal,ao
@@ -27,10 +27,10 @@ Examples:
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]
 pub(crate) struct BakeArgs {
-    /// Detailed model
+    /// High-poly model
     #[arg(value_name = "HIGH")]
     pub(super) high: Source,
-    /// Lighter model, in the same place
+    /// Low-poly model, at the same position
     #[arg(value_name = "LOW")]
     pub(super) low: Source,
     /// Output; `-` is standard output

@@ -1,11 +1,11 @@
-//! Arguments of a command over several files.
+//! Arguments of commands that process several files.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use lodsmith_asset::{Sink, Source};
 
-/// Inputs, and the outputs for their results. The command sets the default of the name.
+/// Inputs and outputs. Each command sets its default for the file names.
 #[derive(Args, Debug)]
 pub(crate) struct BatchFiles {
     /// Files to read; `-` is standard input
@@ -28,9 +28,9 @@ mod tests {
 
     use crate::args::Cli;
 
-    fn plan(words: &[&str]) -> Result<Vec<String>, String> {
+    fn plan(arguments: &[&str]) -> Result<Vec<String>, String> {
         let cli =
-            Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(words)).unwrap();
+            Cli::try_parse_from(["lodsmith", "simplify", "--ratio", "0.5"].iter().chain(arguments)).unwrap();
         let job = cli.command.job().expect("simplify is a job");
         let request = job.request().unwrap();
         let planned = request.plan(&job.places()).map_err(|e| e.to_string())?;
@@ -52,8 +52,8 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_before_any_work() {
-        for words in [
+    fn invalid_outputs_are_refused_before_any_work() {
+        for arguments in [
             &["a.obj", "b.obj", "-o", "c.obj"][..],
             &["x/a.obj", "y/a.obj", "-O", "low"],
             &["a.obj", "./a.obj", "-O", "low"],
@@ -67,12 +67,12 @@ mod tests {
             &["a.obj", "-o", "."],
             &["-", "-", "-O", "low", "--to", "obj"],
         ] {
-            assert!(plan(words).is_err(), "{words:?}");
+            assert!(plan(arguments).is_err(), "{arguments:?}");
         }
     }
 
     #[test]
-    fn an_input_is_its_own_output_by_force_alone() {
+    fn an_input_is_overwritten_only_with_force() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
         std::fs::write(&path, "v 0 0 0\n").unwrap();

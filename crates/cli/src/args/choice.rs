@@ -1,4 +1,4 @@
-//! Parsers of option values that the libraries name.
+//! Parsers of option values whose names the libraries define.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 

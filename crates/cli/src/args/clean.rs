@@ -7,24 +7,24 @@ use super::table::{OfClean, Options, Printing};
 
 const AFTER: &str = "\
 Steps, in this order; each is counted in the report:
-  weld          vertices at one place, or closer than --weld, become one; seams of attributes stay
-  drop          faces that are not finite, name a place twice, or stand there already
-  sheets        with --sheets single, of faces back to back one side goes, and materials are drawn from both sides
-  prune         parts smaller than --prune
-  orient        neighbours agree, closed parts look outward (one inside another keeps its side: it may be a cavity)
-  zero area     faces without area go where that opens nothing
-  non-manifold  by --non-manifold
-  unused        vertices without a face go
+  weld          merge vertices at equal positions, or closer than --weld; attribute seams are kept
+  drop          remove faces with positions that are not finite, with a position twice, and duplicate faces
+  sheets        with --sheets single: remove one of two faces back to back, and make the materials two-sided
+  prune         remove connected parts smaller than --prune
+  orient        make neighbours agree and closed parts face outward (a part inside another is kept: it may be a cavity)
+  zero area     remove faces without area, unless that opens a hole
+  non-manifold  see below
+  unused        remove vertices without a face
 
 Non-manifold:
-  keep   edges with more than two faces stay as they are
-  cut    the surface is parted there, into sheets that each bound one inside [Gueziec et al. 2001]; the copies of a
-         vertex stand at one place, so a file without numbers of vertices (STL) cannot tell them apart
-  merge  vertices stay apart as the file has them; borders at the same places are sewn, two faces to an edge
+  keep   leave edges with more than two faces as they are
+  cut    cut the surface there, into sheets that each bound one inside [Gueziec et al. 2001]; the copies of a vertex
+         have equal positions, so a file without vertex indices (STL) cannot tell them apart
+  merge  keep the vertices of the file separate, then join borders at equal positions, two faces to an edge
 
 Examples:
   lodsmith clean scan.stl -o scan.ply --prune 1%
-  lodsmith clean *.obj -O mended --weld 0.01% --non-manifold cut --json";
+  lodsmith clean *.obj -O cleaned --weld 0.01% --non-manifold cut --json";
 
 #[derive(Args, Debug)]
 #[command(after_help = AFTER)]

@@ -8,17 +8,18 @@ use lodsmith_asset::{Sink, Source};
 use super::table::{OfLod, Options, Printing};
 
 const AFTER: &str = "\
-Levels stand beside the original, which is level 0 and stays as it is. Levels by counts come out of one run, each \
-fitted by itself; levels by errors, and those of methods that do not collapse edges, are made one by one.
+Levels are written together with the original, which is level 0 and is not changed. Levels by counts come from one \
+run, and each is fitted separately; levels by errors, and levels of methods that do not collapse edges, are made one \
+by one.
 
-Each level is measured against the original, both ways. lods.json in the folder says from which distance on its largest \
-deviation is no higher than --pixels, on a screen of --height pixels with a vertical field of view of --fov degrees: \
-error * height / (2 * tan(fov / 2) * pixels).
+Each level is measured against the original in both directions. lods.json in the folder has the distance from which on \
+the largest deviation of a level covers at most --pixels, on a screen of --height pixels with a vertical field of view \
+of --fov degrees: error * height / (2 * tan(fov / 2) * pixels).
 
 Names:
-  plain   NAME_lod0.glb, NAME_lod1.glb and so on; meshes and nodes of a single file NAME, NAME_lod1
+  plain   NAME_lod0.glb, NAME_lod1.glb and so on; meshes and nodes of a single file are NAME, NAME_lod1
   unity   NAME_LOD0, NAME_LOD1: Unity makes a LOD group of meshes with such names
-  unreal, godot: the same; there the levels are assigned by hand, or by script from lods.json
+  unreal, godot: as unity; assign the levels by hand, or by a script that reads lods.json
 
 Examples:
   lodsmith lod bunny.obj -o bunny.glb --levels 0.5,0.25,0.1
@@ -30,10 +31,10 @@ Examples:
 #[command(after_help = AFTER)]
 #[command(group(ArgGroup::new("made").args(["levels", "faces", "count", "errors"]).required(true)))]
 pub(crate) struct LodArgs {
-    /// File to make levels of; `-` is standard input
+    /// File to read; `-` is standard input
     #[arg(value_name = "IN")]
     pub(super) input: Source,
-    /// Write all levels to one GLB or glTF file (extension MSFT_lod); `-` is standard output
+    /// GLB or glTF file to write, with all levels (extension MSFT_lod); `-` is standard output
     #[arg(short, long, value_name = "OUT", conflicts_with = "out_dir",
           required_unless_present_any = ["out_dir", "dry-run"])]
     pub(super) output: Option<Sink>,

@@ -10,14 +10,14 @@ use super::{Reading, Run, choice};
 use lodsmith_asset::Source;
 
 const AFTER: &str = "\
-The table has for each method: faces of the result, time to make it (without reading and the measure below), mean, \
-RMS and largest distance from the input (both ways, in percent of the diagonal), what ended the run, defects that \
-the input has not, and the attributes that came along. Methods run one after the other. For the purpose of each see \
+The table shows for each method: faces of the result; time (without reading and measuring); mean, RMS and largest \
+distance from the input (in both directions, in percent of the diagonal); what ended the run; defects that the input \
+does not have; and the attributes that the result kept. Methods run one after the other. For the purpose of each, see \
 lodsmith simplify --help.
 
 Examples:
   lodsmith methods bunny.obj --faces 5000
-  lodsmith methods part.stl --ratio 0.1 --method planar --method memoryless -O tried
+  lodsmith methods part.stl --ratio 0.1 --method planar --method memoryless -O results
   lodsmith methods scan.ply --error 0.5% --json";
 
 #[derive(Args, Debug)]
@@ -35,10 +35,10 @@ pub(crate) struct MethodsArgs {
     #[arg(long, value_name = "N", help_heading = "Comparison",
           default_value_t = lodsmith::core::measure::CompareOptions::default().samples)]
     pub(crate) samples: usize,
-    /// Folder for the results, as STEM_METHOD.EXT; created if missing
+    /// Folder for the results, named STEM_METHOD.EXT; created if missing
     #[arg(short = 'O', long, value_name = "DIR", help_heading = "Writing")]
     pub(crate) out_dir: Option<PathBuf>,
-    /// Write a picture of all results side by side: .png, .jpg or .webp
+    /// Write an image of all results side by side (.png, .jpg, .webp)
     #[arg(long, value_name = "OUT", help_heading = "Writing")]
     pub(crate) sheet: Option<PathBuf>,
     #[command(flatten)]
@@ -56,10 +56,10 @@ pub(crate) struct MethodsArgs {
 }
 
 impl MethodsArgs {
-    /// Returns the methods to run, each once, in the order of lists.
+    /// Returns the methods to run, each once, in the order of [`MethodKind::ALL`].
     pub(crate) fn methods(&self) -> Vec<MethodKind> {
-        let is_wanted = |m: &MethodKind| self.method.is_empty() || self.method.contains(m);
-        MethodKind::ALL.into_iter().filter(is_wanted).collect()
+        let is_selected = |m: &MethodKind| self.method.is_empty() || self.method.contains(m);
+        MethodKind::ALL.into_iter().filter(is_selected).collect()
     }
 
     /// Returns the engine's options for one method: the target, and the method's defaults.

@@ -11,24 +11,24 @@ use super::{Reading, Run, choice};
 use lodsmith_asset::{AssetError, Sink, Source};
 
 const AFTER_BUILD: &str = "\
-The file holds the base mesh and every step back to the input. Without --bits the input comes out as it went in, to the
-last bit and in its order; with it, positions and attributes are rounded and the order of vertices and faces is not kept.
+The file has the base mesh and every vertex split that leads back to the input. Without --bits, the input is restored
+exactly, in its order; with it, positions and attributes are rounded and the order of vertices and faces is not kept.
 
-Methods and presets are those of `lodsmith simplify --help`; methods that make a new mesh at once cannot be recorded.
+For methods and presets, see `lodsmith simplify --help`; methods that make a new mesh in one step cannot be recorded.
 
 Examples:
   lodsmith progressive build bunny.obj -o bunny.lpm
   lodsmith progressive build scan.ply -o scan.lpm --bits 16 --ratio 0.01";
 
 const AFTER_EXTRACT: &str = "\
-Without a target the finest level is written. A file that ends too early gives what it has, with a warning.
-With --error levels are measured against the finest one, both ways, until one is within D.
+Without a target, the finest level is written. From an incomplete file, the finest level that it has is written, with
+a warning. With --error, levels are measured against the finest level in both directions, until one is within D.
 
 Examples:
   lodsmith progressive extract bunny.lpm -o low.glb --faces 2000
   head -c 100000 bunny.lpm | lodsmith progressive extract - -o preview.ply";
 
-/// Reporting of a command that writes.
+/// Reporting options of commands that write.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Ending {
@@ -64,7 +64,10 @@ pub(crate) struct LpmBuildArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8)
           .range(i64::from(MIN_BITS)..=i64::from(MAX_BITS)), help_heading = "Writing")]
     pub(crate) bits: Option<u8>,
-    #[command(flatten, next_help_heading = "Base (the first one met stops; without any, as far as it goes)")]
+    #[command(
+        flatten,
+        next_help_heading = "Base (the first target met stops; without one, as far as possible)"
+    )]
     pub(crate) target: Target,
     #[command(flatten)]
     pub(crate) engine: Options<Engine>,
@@ -114,7 +117,7 @@ pub(crate) struct ExtractArgs {
     pub(crate) output: Sink,
     #[command(
         flatten,
-        next_help_heading = "Level (the first one met on the way down; without any, the finest)"
+        next_help_heading = "Level (the finest that meets one of these targets; without one, the finest)"
     )]
     pub(crate) target: Target,
     /// Extract the level as recorded, without the fit stored at checkpoints

@@ -9,21 +9,21 @@ use super::table::{Loudness, OfRender, Options};
 
 const AFTER: &str = "\
 Shadings:
-  smooth         one colour, normals blended: the file's own, or those of the shape
+  smooth         one colour, interpolated normals: from the file, or else computed from the shape
   flat           one colour, one normal for each face
   textured       materials with their images
-  vertex-colors  colours of vertices
+  vertex-colors  vertex colours
   normals        normals as colours
-  matcap         a picture of a lit ball, looked up by the normal
+  matcap         an image of a lit sphere, looked up by the normal
   heat           distance from the reference, with --compare or --levels
 
-Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient, the default;
-surroundings, the environment (--environment); blurred, the same out of focus.
-Lights, in radii of the model from its centre, x to the right, y up, z towards the eye:
-  sun:X,Y,Z    from that direction
-  point:X,Y,Z  from that place to all sides
-  spot:X,Y,Z   from that place to the centre
-  each with =STRENGTH behind it, if not 1; they take the place of the usual two.
+Backgrounds: transparent; #rrggbb; #rrggbb,#rrggbb from top to bottom; gradient (the default);
+surroundings, the image of --environment; blurred, that image blurred.
+Lights, in camera axes (x right, y up, z towards the camera) from the centre of the model, in units of its radius:
+  sun:X,Y,Z    parallel light from this direction
+  point:X,Y,Z  from this position in all directions
+  spot:X,Y,Z   from this position towards the centre
+  Append =STRENGTH if it is not 1. Lights given here replace the two default lights.
 
 Examples:
   lodsmith render bunny.obj -o bunny.png
@@ -39,12 +39,12 @@ pub(crate) struct RenderArgs {
     /// Files to render, side by side if several; `-` is standard input
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<Source>,
-    /// Picture to write: .png, .jpg or .webp; `-` is standard output, as PNG
+    /// Image to write (.png, .jpg, .webp); `-` is standard output, as PNG
     #[arg(short, long, value_name = "OUT", required_unless_present = "out_dir", conflicts_with = "out_dir")]
     pub(crate) output: Option<Sink>,
     #[command(flatten)]
     pub(crate) options: Options<OfRender>,
-    /// Folder for the pictures; created if missing
+    /// Folder for the images; created if missing
     #[arg(short = 'O', long, value_name = "DIR", requires = "turntable", help_heading = "Turntable")]
     pub(crate) out_dir: Option<PathBuf>,
     /// Print one JSON object

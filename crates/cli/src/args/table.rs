@@ -1,4 +1,4 @@
-//! Arguments made from the tables of options.
+//! Arguments generated from the tables of options.
 
 use std::ffi::OsString;
 use std::marker::PhantomData;
@@ -21,7 +21,7 @@ pub(super) const TARGET: &str = match OptionSection::Target.title() {
     None => "",
 };
 
-/// A part of the options of a job.
+/// A selection of the options of a job.
 pub(crate) trait Part {
     const VERB: Verb;
     fn has(option: &JobOption) -> bool;
@@ -64,25 +64,25 @@ parts! {
     OfRender: Render, |_| true;
     /// Targets of a run.
     Targets: Simplify, |o| o.section() == OptionSection::Target;
-    /// Options of a run besides its target.
+    /// Options of a run, without its target.
     Engine: Lod, |o| (OptionSection::Simplification..=OptionSection::Guards).contains(&o.section());
-    /// How inputs are read.
+    /// Reading options.
     InReading: Info, |o| o.section() == OptionSection::Reading;
-    /// Files that a model may name.
+    /// Files that a model may refer to.
     InScope: Info, |o| ["asset-root", "allow-outside"].contains(&o.name());
-    /// How outputs are written.
+    /// Writing options.
     InWriting: Convert, |o| o.section() == OptionSection::Writing;
     /// Limits of a run.
     Limits: Info, |o| o.section() == OptionSection::Run;
 }
 
-/// Options of the tables, as they were typed.
+/// The given options of a selection.
 #[derive(Debug)]
 pub(crate) struct Options<P>(Box<FileOptions>, PhantomData<P>);
 
-/// Options of reading a model.
+/// Options of commands that read a model.
 pub(crate) type Reading = Options<InReading>;
-/// Options of writing a result.
+/// Options of commands that write a model.
 pub(crate) type Writing = Options<InWriting>;
 /// Target of a run.
 pub(crate) type Target = Options<Targets>;
@@ -107,9 +107,9 @@ impl<P: Part> Args for Options<P> {
 impl<P: Part> FromArgMatches for Options<P> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let mut options = FileOptions::default();
-        let is_typed =
+        let is_given =
             |option: &JobOption| matches.value_source(option.name()) == Some(ValueSource::CommandLine);
-        for option in P::options().into_iter().filter(is_typed) {
+        for option in P::options().into_iter().filter(is_given) {
             let values: Vec<OsString> = match option.is_flag() {
                 true => vec!["true".into()],
                 false => matches.get_many(option.name()).into_iter().flatten().cloned().collect(),
@@ -124,13 +124,13 @@ impl<P: Part> FromArgMatches for Options<P> {
     }
 }
 
-/// Returns the argument of an option, which is one of these.
+/// Returns the argument of an option, which is one of `all`.
 fn argument(option: JobOption, all: &[JobOption]) -> Arg {
     let name = option.name();
     let excluded = option.excludes().iter().filter(|other| all.iter().any(|option| option.name() == **other));
     let arg = Arg::new(name).long(name).help(option.help()).conflicts_with_all(excluded);
     let arg = match option.section() {
-        // That of the target depends on the command.
+        // The heading of the target depends on the command.
         OptionSection::Target => arg,
         section => section.title().into_iter().fold(arg, Arg::help_heading),
     };
@@ -152,7 +152,7 @@ fn argument(option: JobOption, all: &[JobOption]) -> Arg {
 }
 
 impl Reading {
-    /// Returns how inputs are read.
+    /// Returns the options of reading.
     pub(crate) fn options(&self) -> ReadOptions {
         self.reading(memory::limit())
     }
@@ -170,7 +170,7 @@ impl Target {
     }
 }
 
-/// What a command prints.
+/// Verbosity of a command.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Run")]
 pub(crate) struct Loudness {
@@ -182,7 +182,7 @@ pub(crate) struct Loudness {
     pub(crate) verbose: bool,
 }
 
-/// What a command that does a job on files prints.
+/// Output options of jobs on files.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct Printing {
     /// Print one line of JSON for each input
@@ -192,7 +192,7 @@ pub(crate) struct Printing {
     pub(crate) loudness: Loudness,
 }
 
-/// Limits of a run of another command, and what it prints.
+/// Limits and verbosity of other commands.
 #[derive(Args, Debug)]
 pub(crate) struct Run {
     #[command(flatten)]

@@ -32,14 +32,14 @@ use lodsmith_asset::report_json::both_ways;
 use lodsmith_asset::warnings::viewing_warnings;
 use lodsmith_asset::{Sink, paths, picture};
 
-/// Measures, and writes the heat map if asked for.
+/// Measures, and writes the heat map if requested.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     paths::at_most_one_stream([&args.reference, &args.candidate])?;
     if let Some(path) = &args.heatmap {
         let sink = Sink::Path(path.clone());
         if PictureFormat::of_path(path).is_none() && paths::format_of(&sink, None).ok() != Some(Format::Ply) {
-            let wanted = "the name of a .ply, .png, .jpg or .webp file is wanted";
-            return Err(usage(format!("--heatmap {}: {wanted}", path.display())));
+            let expected = "the file name must end in .ply, .png, .jpg or .webp";
+            return Err(usage(format!("--heatmap {}: {expected}", path.display())));
         }
         paths::refuse_folder(&sink, "")?;
     }
@@ -49,10 +49,10 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
     let sheet = views::sheet_format(args)?;
     let out = Output::new(args.run.loudness, args.json, false);
     let progress = Progress::new(1, args.run.loudness.quiet);
-    let begin = Instant::now();
+    let start = Instant::now();
     let measured = in_order::pool(args.run.threads())?.install(|| measure(args, sheet, &progress));
     progress.finish();
-    let Measured { reference, candidate, comparison, attributes, red, seen } = measured?;
+    let Measured { reference, candidate, comparison, attributes, red, views } = measured?;
 
     let mut warnings = Vec::new();
     for (source, loaded) in [(&args.reference, &reference), (&args.candidate, &candidate)] {
@@ -60,8 +60,8 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
     let mut object = to_json(&comparison, &attributes, &warnings);
-    if let Some(seen) = &seen {
-        object["image"] = seen.to_json();
+    if let Some(views) = &views {
+        object["image"] = views.to_json();
     }
     out.object(&object);
     for line in table(&comparison, &reference, &candidate) {
@@ -71,13 +71,13 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         let [mean, rms, p95] = [error.mean, error.rms, error.p95].map(|x| significant(x.symmetric, 4));
         out.line(&format!("{name:<16}mean {mean}{unit}, rms {rms}{unit}, 95 % below {p95}{unit}"));
     }
-    for line in seen.iter().flat_map(views::ViewComparison::table) {
+    for line in views.iter().flat_map(views::ViewComparison::table) {
         out.line(&line);
     }
     if let (Some(red), Some(path)) = (red, &args.heatmap) {
         out.line(&format!("heat map        {}: blue 0, red {}", path.display(), significant(red, 3)));
     }
-    out.detail(&format!("time            {}", seconds(begin.elapsed().as_secs_f64())));
+    out.detail(&format!("time            {}", seconds(start.elapsed().as_secs_f64())));
     out.finish(Status::Done)
 }
 
@@ -89,10 +89,10 @@ struct Measured {
     attributes: AttributeErrors,
     /// The distance that is red in the heat map, if one was written.
     red: Option<f64>,
-    seen: Option<views::ViewComparison>,
+    views: Option<views::ViewComparison>,
 }
 
-/// Reads both files, measures, and writes the pictures asked for.
+/// Reads both files, measures, and writes the requested images.
 fn measure(
     args: &CompareArgs,
     sheet: Option<PictureFormat>,
@@ -105,9 +105,9 @@ fn measure(
     if let (Some(from), Some(to)) = (candidate.regions.frame(), reference.regions.frame())
         && from != to
     {
-        // The same model in two formats has other coordinates only because their units or axes differ.
+        // The coordinates of one model differ between formats if their units or axes differ.
         from.convert(Arc::make_mut(&mut candidate.mesh), to);
-        let text = "its unit or axes differ from those of the reference: converted to them";
+        let text = "converted to the unit and axes of the reference";
         candidate.warnings.push(Warning::note(text));
     }
     bar.stage(lodsmith::Stage::Measure);
@@ -130,14 +130,14 @@ fn measure(
             Some(write_heatmap(&reference.mesh, &candidate.mesh, path, args.force)?)
         }
     };
-    let seen = match args.views {
+    let views = match args.views {
         None => None,
         Some(count) => Some(views::compare_views(args, count, [&reference, &candidate], sheet)?),
     };
-    Ok(Measured { reference, candidate, comparison, attributes, red, seen })
+    Ok(Measured { reference, candidate, comparison, attributes, red, views })
 }
 
-/// Writes a heat map of the reference as a picture or a mesh. Returns the distance that is shown in red.
+/// Writes a heat map of the reference as an image or a mesh. Returns the distance that is shown in red.
 fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: bool) -> anyhow::Result<f64> {
     let (distances, red) = distances(reference, candidate);
     let sink = Sink::Path(path.to_owned());
@@ -233,7 +233,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
         significant(c.normal_mean_deg, 3),
         significant(c.normal_p95_deg, 3)
     ));
-    lines.push(format!("samples         {} each way, seed {}", grouped(c.samples), c.seed));
+    lines.push(format!("samples         {} per direction, seed {}", grouped(c.samples), c.seed));
     lines
 }
 
@@ -281,7 +281,7 @@ fn heat_picture(reference: &TriMesh, distances: Vec<f64>, red: f64) -> anyhow::R
     Ok(sheet(&[panel], 1, Background::default(), Some(&legend)))
 }
 
-/// Size of a heat map, in pixels, as of other pictures.
+/// Size of a heat map, in pixels: the default size of rendered images.
 const HEAT_SIZE: [usize; 2] = [1200, 800];
 
 /// Returns the colour for a value from 0 to 1: blue, cyan, green, yellow, red.

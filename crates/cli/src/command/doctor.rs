@@ -16,8 +16,8 @@ pub(super) fn run(args: &DoctorArgs) -> anyhow::Result<Status> {
     } else {
         out.result(&findings.lines().join("\n"));
     }
-    let is_whole = findings.window.as_ref().is_none_or(|w| w.missing().is_empty());
-    out.finish(if is_whole { Status::Done } else { Status::Failed })
+    let is_complete = findings.window.as_ref().is_none_or(|w| w.missing().is_empty());
+    out.finish(if is_complete { Status::Done } else { Status::Failed })
 }
 
 /// Findings of all checks.
@@ -56,8 +56,8 @@ struct MissingComponent {
     fedora: &'static [&'static str],
 }
 
-const HOW_TO_GET: &str = "not built in; `cargo install lodsmith-cli --features view` builds a lodsmith with it (from a \
-                          checkout: cargo install --path crates/cli --features view)";
+const HOW_TO_GET: &str = "not built in; install with it: `cargo install lodsmith-cli --features view` (from a checkout: \
+                          cargo install --path crates/cli --features view)";
 const DRIVERS: [&[&str]; 2] =
     [&["mesa-vulkan-drivers", "libvulkan1"], &["mesa-vulkan-drivers", "vulkan-loader"]];
 #[cfg(any(test, feature = "view"))]
@@ -75,13 +75,13 @@ impl Window {
             fault: a.fault,
         };
         let adapters = lodsmith_viewer::gpu::Adapter::all().into_iter().map(adapter).collect();
-        let lack = |lack: display::DisplayError| match lack {
+        let missing = |error: display::DisplayError| match error {
             display::DisplayError::Display { reason } => MissingComponent::display(&reason),
             display::DisplayError::Library { library, packages } => {
                 MissingComponent::library(library, [packages.debian, packages.fedora])
             }
         };
-        Some(Self { display: display::connect().map_err(lack), adapters })
+        Some(Self { display: display::connect().map_err(missing), adapters })
     }
     #[cfg(not(feature = "view"))]
     fn check_system() -> Option<Self> {
@@ -92,11 +92,11 @@ impl Window {
         let mut missing: Vec<_> = self.display.as_ref().err().cloned().into_iter().collect();
         let mut add = |what: &str, hint| missing.push(MissingComponent::new(what.to_owned(), hint, DRIVERS));
         if self.adapters.is_empty() {
-            let hint = "install a driver; these also draw without a graphics card";
+            let hint = "install a driver; these packages also render without a graphics card";
             add("a graphics adapter", hint);
         } else if self.adapters.iter().all(|a| a.fault.is_some()) {
-            let hint = "update the driver, or install one that draws without a graphics card";
-            add("a graphics adapter that can draw", hint);
+            let hint = "update the driver, or install a software renderer";
+            add("a usable graphics adapter", hint);
         }
         missing
     }
@@ -111,12 +111,12 @@ impl Window {
 #[cfg(any(test, feature = "view"))]
 impl MissingComponent {
     fn display(why: &str) -> Self {
-        let hint = "log in to a desktop, or give the window a virtual one: `xvfb-run lodsmith view`; `lodsmith render` makes \
-                    pictures without";
+        let hint = "log in to a desktop, or use a virtual display: `xvfb-run lodsmith view`; `lodsmith render` renders \
+                    images without a display";
         Self::new(format!("a display ({why})"), hint, SCREEN)
     }
     fn library(name: String, packages: [&'static [&'static str]; 2]) -> Self {
-        Self::new(name, "no window opens without it; the packages of the system have it", packages)
+        Self::new(name, "the window needs it; install it from the packages of the system", packages)
     }
 }
 
@@ -179,13 +179,13 @@ impl Findings {
             lines.push(row("display", display.clone()));
         }
         for a in &window.adapters {
-            let kind = if a.is_software { ", draws on the processor" } else { "" };
+            let kind = if a.is_software { ", software renderer" } else { "" };
             let driver = if a.driver.is_empty() { String::new() } else { format!(", {}", a.driver) };
             let fault = a.fault.as_ref().map_or(String::new(), |f| format!("; cannot be used: {f}"));
             lines.push(row("adapter", format!("{} ({}{driver}{kind}){fault}", a.name, a.backend)));
         }
         if window.is_slow() {
-            let text = "only the processor draws: with large models the window is slow; a driver of the graphics card helps";
+            let text = "only software rendering: the window is slow with large models; install the driver of the graphics card";
             lines.push(row("note", text.to_owned()));
         }
         lines.extend(window.missing().iter().flat_map(MissingComponent::lines));
@@ -212,27 +212,27 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_missing_where_one_adapter_draws() {
-        let whole = window(Ok("X11 :0"), vec![adapter(false, Some("old")), adapter(true, None)]);
-        assert_eq!(whole.missing(), []);
-        assert!(whole.is_slow());
+    fn nothing_is_missing_if_one_adapter_is_usable() {
+        let complete = window(Ok("X11 :0"), vec![adapter(false, Some("old")), adapter(true, None)]);
+        assert_eq!(complete.missing(), []);
+        assert!(complete.is_slow());
         assert!(!window(Ok(""), vec![adapter(true, None), adapter(false, None)]).is_slow());
         assert!(!window(Ok(""), vec![]).is_slow());
     }
 
     #[test]
-    fn what_is_missing_comes_with_what_brings_it() {
+    fn missing_components_name_their_packages() {
         let texts =
             |w: &Window| w.missing().iter().flat_map(MissingComponent::lines).collect::<Vec<_>>().join("\n");
         let bare = texts(&window(Err("neither is set"), vec![]));
         assert!(bare.contains("a display (neither is set)") && bare.contains("xvfb-run"), "{bare}");
         assert!(bare.contains("a graphics adapter:"), "{bare}");
         let old = texts(&window(Ok(":0"), vec![adapter(false, Some("old"))]));
-        assert!(old.contains("that can draw") && !old.contains("a display"), "{old}");
+        assert!(old.contains("a usable graphics adapter") && !old.contains("a display"), "{old}");
         let packages: [&[&str]; 2] = [&["libx11-6", "libxi6"], &["libX11", "libXi"]];
         let display = Err(MissingComponent::library("a library of X11".to_owned(), packages));
         let library = texts(&Window { display, adapters: vec![adapter(true, None)] });
-        assert!(library.contains("missing          a library of X11: no window"), "{library}");
+        assert!(library.contains("missing          a library of X11: the window"), "{library}");
         assert!(!library.contains("xvfb") && !library.contains("a display"), "{library}");
         if cfg!(target_os = "linux") {
             assert!(
@@ -245,19 +245,18 @@ mod tests {
     }
 
     #[test]
-    fn the_table_and_the_object_say_the_same() {
+    fn the_table_and_the_json_object_agree() {
         let found =
             Findings { threads: 3, window: Some(window(Ok("X11 :7"), vec![adapter(true, Some("old"))])) };
         let (text, object) = (found.lines().join("\n"), found.to_json());
         assert!(
-            text.contains("X11 :7")
-                && text.contains("Card (Vulkan, draws on the processor); cannot be used: old")
+            text.contains("X11 :7") && text.contains("Card (Vulkan, software renderer); cannot be used: old")
         );
         assert_eq!(object["viewer"]["display"], "X11 :7");
         assert_eq!(object["viewer"]["adapters"][0]["usable"], false);
         assert_eq!(object["missing"].as_array().unwrap().len(), 1);
-        let lean = Findings { threads: 3, window: None };
-        assert!(lean.lines().join("\n").contains("--features view"));
-        assert_eq!(lean.to_json()["viewer"]["built_in"], false);
+        let without_window = Findings { threads: 3, window: None };
+        assert!(without_window.lines().join("\n").contains("--features view"));
+        assert_eq!(without_window.to_json()["viewer"]["built_in"], false);
     }
 }

@@ -28,7 +28,7 @@ fn table(info: &Info, path: &str) -> Vec<String> {
     if info.mesh.places == vertices {
         row("vertices", grouped(vertices));
     } else {
-        row("vertices", format!("{} at {} places", grouped(vertices), grouped(info.mesh.places)));
+        row("vertices", format!("{} at {} positions", grouped(vertices), grouped(info.mesh.places)));
     }
     if c.instances > c.distinct_meshes {
         row("meshes", format!("{} in {} instances", grouped(c.distinct_meshes), grouped(c.instances)));
@@ -51,7 +51,7 @@ fn table(info: &Info, path: &str) -> Vec<String> {
     if !c.attributes.is_empty() {
         row("attributes", c.attributes.join(", "));
     }
-    let is = |yes: bool, word: &str| if yes { word.to_owned() } else { format!("not {word}") };
+    let is = |holds: bool, word: &str| if holds { word.to_owned() } else { format!("not {word}") };
     let closed = match (t.is_closed(), info.closed_by_index) {
         (true, Some(true)) => "closed by its indices".to_owned(),
         (true, Some(false)) => "closed, not by its indices".to_owned(),

@@ -1,5 +1,5 @@
-//! Jobs on files: `simplify`, `lod`, `convert`, `clean`, `bake`, `info`. Several inputs are processed at once, each with a
-//! result of its own.
+//! Jobs on files: `simplify`, `lod`, `convert`, `clean`, `bake`, `info`. Several inputs are processed in parallel, each
+//! with its own result.
 
 use std::fs;
 
@@ -23,13 +23,13 @@ use crate::status::{Interrupted, Status};
 pub(super) fn run(args: &JobArgs<'_>) -> anyhow::Result<Status> {
     let request = args.request()?;
     let job = request.plan(&args.places())?;
-    // (Levels make their own.)
+    // (The job of levels creates its folder itself.)
     if let (Some(folder), false, true) = (args.out_dir, args.options.dry_run, args.verb != Verb::Lod) {
         fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+            .with_context(|| format!("{}: cannot create the folder", folder.display()))?;
     }
-    let takes_stdout = |to: &Destination| to.sink == Sink::Stream && !to.dry_run;
-    let is_stdout_taken = job.files.iter().any(|file| file.output.as_ref().is_some_and(takes_stdout));
+    let uses_stdout = |to: &Destination| to.sink == Sink::Stream && !to.dry_run;
+    let is_stdout_taken = job.files.iter().any(|file| file.output.as_ref().is_some_and(uses_stdout));
     let out = Output::new(args.printing.loudness, args.printing.json, is_stdout_taken);
     let progress = Progress::new(job.files.len(), args.printing.loudness.quiet);
     let work = |file: &Assignment, turn: &Turn<'_>| {
@@ -45,17 +45,17 @@ pub(super) fn run(args: &JobArgs<'_>) -> anyhow::Result<Status> {
     };
     let mut status = Status::Done;
     in_order::process_in_order(&job.files, threads(args.options), work, |i, outcome| {
-        let own = progress.with_bar_hidden(|| match outcome {
+        let file_status = progress.with_bar_hidden(|| match outcome {
             Ok(done) => show(&out, args, &job, &job.files[i], &done),
             Err(e) => out.failure(&job.files[i].source.to_string(), &e),
         });
-        status = status.or_worse(own);
+        status = status.or_worse(file_status);
     })?;
     progress.finish();
     out.finish(status)
 }
 
-/// Prints the outcome of one input. Returns the status that it alone would end with.
+/// Prints the outcome of one input. Returns the exit status for this input alone.
 fn show(out: &Output, args: &JobArgs<'_>, job: &PlannedJob<'_>, file: &Assignment, done: &Done) -> Status {
     let path = file.source.to_string();
     out.object(&job.report(file, done));
@@ -66,7 +66,7 @@ fn show(out: &Output, args: &JobArgs<'_>, job: &PlannedJob<'_>, file: &Assignmen
         (Done::Clean(done), _) => clean::show(out, &path, done),
         (Done::Bake(done), Some(to)) => show_baked(out, &args.inputs[0].to_string(), to, done),
         (Done::Info(done), _) => info::show(out, &path, done),
-        // (A picture of several files is no job on each.)
+        // (`render` makes one image of all files.)
         (Done::Convert(_) | Done::Bake(_), None) | (Done::Render(_), _) => {}
     }
     let mut status = Status::Done;

@@ -22,7 +22,7 @@ pub(super) fn show(out: &Output, path: &str, done: &LodOutcome) {
     out.detail(&format!("  {}, {}", times.join(", "), counted(done.threads, "thread", "threads")));
 }
 
-/// Returns a line for the whole and one for each level.
+/// Returns a summary line, and a line for each level.
 fn lines(done: &LodOutcome, path: &str) -> Vec<String> {
     let mut lines = vec![format!(
         "{path}: {}, {}, {}",
@@ -39,7 +39,7 @@ fn lines(done: &LodOutcome, path: &str) -> Vec<String> {
             Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
         };
         lines.push(format!(
-            "  {}: {} faces ({percent:.1} %), {error} of the diagonal, from a distance of {}",
+            "  {}: {} faces ({percent:.1} %), {error} of the diagonal, for distances from {}",
             k + 1,
             grouped(r.faces),
             short(level.distance)

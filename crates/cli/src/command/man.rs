@@ -9,13 +9,13 @@ use crate::status::{Status, usage};
 
 /// Prints the page of a command, or the overview.
 pub(super) fn run(command: Option<&str>) -> anyhow::Result<Status> {
-    let mut whole = Cli::command();
-    whole.build();
+    let mut root = Cli::command();
+    root.build();
     let page_of = match command {
-        None => whole,
-        // `build` has set its full name, such as `lodsmith-simplify`.
+        None => root,
+        // `build` has set the full names of subcommands, such as `lodsmith-simplify`.
         Some(name) => {
-            let found = name.split(' ').try_fold(&whole, |command, word| command.find_subcommand(word));
+            let found = name.split(' ').try_fold(&root, |command, word| command.find_subcommand(word));
             found.cloned().ok_or_else(|| usage(format!("there is no command {name}")))?
         }
     };

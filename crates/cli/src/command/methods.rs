@@ -50,47 +50,47 @@ pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {
     let sinks = methods.iter().map(|&m| sink(args, m)).collect::<anyhow::Result<Vec<_>>>()?;
     if let Some(folder) = &args.out_dir {
         fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+            .with_context(|| format!("{}: cannot create the folder", folder.display()))?;
     }
     let out = Output::new(args.run.loudness, args.json, false);
     let progress = Progress::new(methods.len() + 1, args.run.loudness.quiet);
     let path = args.input.to_string();
-    let tried = in_order::pool(args.run.threads())?.install(|| {
+    let compared = in_order::pool(args.run.threads())?.install(|| {
         let jobs: Vec<_> = methods.into_iter().zip(sinks).collect();
-        let tried = try_all(&path, jobs, args, &progress)?;
+        let compared = run_all(&path, jobs, args, &progress)?;
         if let Some((sink, format)) = &sheet {
-            file::write_picture(&tried.sheet(), sink, *format, args.writing.writing.force)?;
+            file::write_picture(&compared.sheet(), sink, *format, args.writing.writing.force)?;
         }
-        anyhow::Ok(tried)
+        anyhow::Ok(compared)
     });
     progress.finish();
-    let tried = tried?;
+    let compared = compared?;
 
-    show_warnings(&out, &path, &tried.warnings, false);
+    show_warnings(&out, &path, &compared.warnings, false);
     let mut status = Status::Done;
-    for row in &tried.rows {
+    for row in &compared.rows {
         let name = row.method.name();
         match &row.outcome {
-            Ok(judged) => _ = show_warnings(&out, &format!("{path}: {name}"), &judged.warnings, false),
+            Ok(figures) => _ = show_warnings(&out, &format!("{path}: {name}"), &figures.warnings, false),
             Err(reason) => {
                 output::error(&format!("{path}: {name}: {reason}"));
                 status = Status::Failed;
             }
         }
     }
-    out.object(&tried.to_json(&path, args));
-    for line in tried.table(&path) {
+    out.object(&compared.to_json(&path, args));
+    for line in compared.table(&path) {
         out.line(&line);
     }
-    for row in &tried.rows {
-        if let Ok(judged) = &row.outcome {
-            out.detail(&format!("  {}: {}", row.method.name(), judged.detail()));
+    for row in &compared.rows {
+        if let Ok(figures) = &row.outcome {
+            out.detail(&format!("  {}: {}", row.method.name(), figures.detail()));
         }
     }
     out.finish(status)
 }
 
-/// Each method and the output of its result.
+/// Each method with the destination of its result.
 type Jobs = Vec<(MethodKind, Option<Destination>)>;
 
 /// A model and the results of all methods.
@@ -99,11 +99,11 @@ struct MethodComparison {
     warnings: Vec<Warning>,
     model: PreparedModel,
     rows: Vec<MethodRow>,
-    /// Pictures of the input and of each result, if a sheet is asked for.
+    /// Images of the input and of each result, if a contact sheet is requested.
     panels: Vec<Panel>,
 }
 
-fn try_all(
+fn run_all(
     path: &str,
     jobs: Jobs,
     args: &MethodsArgs,
@@ -113,9 +113,9 @@ fn try_all(
     bar.read();
     let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
-    let hungriest =
+    let largest_need =
         jobs.iter().map(|(m, _)| memory_need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
-    memory::check("methods", memory_need::methods(&mesh, hungriest)).with_context(|| path.to_owned())?;
+    memory::check("methods", memory_need::methods(&mesh, largest_need)).with_context(|| path.to_owned())?;
     let model = PreparedModel::new(Arc::unwrap_or_clone(mesh), args);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
@@ -131,36 +131,35 @@ fn try_all(
         }
         let bar = progress.file(method.name());
         let outcome = exit::guarded(|| {
-            let made = model.simplified(method, args, &bar)?;
+            let result = model.simplified(method, args, &bar)?;
             bar.stage(Stage::Measure);
-            let mut judged = model.judged(&made);
+            let mut figures = model.figures(&result);
             if args.sheet.is_some() {
-                panels.push(render_panel(made.mesh.clone(), &mut first, judged.caption(method))?);
+                panels.push(render_panel(result.mesh.clone(), &mut first, figures.caption(method))?);
             }
             if let Some(to) = &to {
                 bar.write();
-                let mut mesh = made.mesh;
+                let mut mesh = result.mesh;
                 orient(&mut mesh, &to.writing);
-                judged.warnings = file::writer(|job| to.write(&mesh, regions.clone(), job))?.warnings;
+                figures.warnings = file::writer(|job| to.write(&mesh, regions.clone(), job))?.warnings;
             }
-            Ok(judged)
+            Ok(figures)
         });
         bar.end();
         let outcome = match outcome {
             Err(e) if e.is::<Interrupted>() => return Err(e),
             Err(e) => Err(format!("{e:#}").replace('\n', " ")),
-            Ok(judged) => Ok(judged),
+            Ok(figures) => Ok(figures),
         };
         rows.push(MethodRow { method, to, outcome });
     }
     Ok(MethodComparison { format, warnings, model, rows, panels })
 }
 
-/// Size of a picture in the sheet, in pixels.
+/// Size of one image in the contact sheet, in pixels.
 const PANEL_SIZE: [usize; 2] = [300, 300];
 
-/// Renders a mesh for the sheet, with its edges, through the camera of the first, and with sharp edges as that has
-/// them.
+/// Renders a mesh with its edges for the contact sheet. Camera and creases are those of the first mesh.
 fn render_panel(
     mesh: TriMesh,
     first: &mut Option<(Camera, Creases)>,
@@ -176,7 +175,7 @@ fn render_panel(
     Ok(Panel { picture: render(&subject, &view)?, caption })
 }
 
-/// Returns the output for the result of a method, if any.
+/// Returns the destination for the result of a method, if it is written.
 fn sink(args: &MethodsArgs, method: MethodKind) -> anyhow::Result<Option<Destination>> {
     let template = format!("{{stem}}_{}.{{ext}}", method.name());
     let jobs = plan::assign(&Outputs {
@@ -196,7 +195,7 @@ fn sink(args: &MethodsArgs, method: MethodKind) -> anyhow::Result<Option<Destina
 /// The input, prepared for repeated runs and measurements.
 struct PreparedModel {
     mesh: TriMesh,
-    /// `None` if the input has no face to measure from.
+    /// `None` if the input has no faces to measure from.
     reference: Option<Prepared>,
     validity: Validity,
     compare: CompareOptions,
@@ -220,7 +219,7 @@ struct MethodFigures {
     warnings: Vec<Warning>,
 }
 
-/// A line of the table.
+/// A row of the table.
 struct MethodRow {
     method: MethodKind,
     to: Option<Destination>,
@@ -231,7 +230,7 @@ struct MethodRow {
 impl PreparedModel {
     fn new(mesh: TriMesh, args: &MethodsArgs) -> Self {
         let surface = mesh.surface();
-        // As the engine does: faces without area or with invalid positions do not count.
+        // Faces without area or with invalid positions do not count: the engine drops them too.
         let cleaned = clean_surface(&surface, None);
         let reference = Surface::with_triangles(surface.positions(), cleaned.triangles)
             .ok()
@@ -258,26 +257,26 @@ impl PreparedModel {
         Ok(MethodResult { mesh, report, clock })
     }
 
-    fn judged(&self, made: &MethodResult) -> MethodFigures {
-        let candidate = Prepared::new(&made.mesh.surface()).ok();
+    fn figures(&self, result: &MethodResult) -> MethodFigures {
+        let candidate = Prepared::new(&result.mesh.surface()).ok();
         let pair = self.reference.as_ref().zip(candidate.as_ref());
         MethodFigures {
             measured: pair.map(|(a, b)| compare_prepared(a, b, &self.compare)),
-            validity: Validity::of(&made.mesh),
-            carried: CarriedAttributes::new(&self.mesh, &made.mesh),
-            report: made.report.clone(),
-            clock: made.clock.clone(),
+            validity: Validity::of(&result.mesh),
+            carried: CarriedAttributes::new(&self.mesh, &result.mesh),
+            report: result.report.clone(),
+            clock: result.clock.clone(),
             warnings: Vec::new(),
         }
     }
 }
 
-/// Attributes of the input that the result has.
+/// Attributes of the input, by whether the result has them.
 #[derive(Debug, PartialEq, Eq)]
 struct CarriedAttributes {
     kept: Vec<&'static str>,
     dropped: Vec<&'static str>,
-    /// Numbers of regions of input and result, if the input has any.
+    /// Numbers of regions of the input and of the result, if the input has regions.
     regions: Option<(usize, usize)>,
 }
 
@@ -289,9 +288,9 @@ impl CarriedAttributes {
             ("uvs", input.uvs().is_some(), result.uvs().is_some()),
             ("colors", input.colors().is_some(), result.colors().is_some()),
         ];
-        let there = result.further_attributes();
+        let others = result.further_attributes();
         all.extend(input.further_attributes().iter().map(|a| {
-            let is_kept = there.iter().any(|b| (&a.semantic, a.width) == (&b.semantic, b.width));
+            let is_kept = others.iter().any(|b| (&a.semantic, a.width) == (&b.semantic, b.width));
             (a.semantic.title(), true, is_kept)
         }));
         for (name, _, is_kept) in all.into_iter().filter(|x| x.1) {
@@ -305,12 +304,12 @@ impl CarriedAttributes {
         carried
     }
 
-    /// Returns the attributes in words; empty if the input has none.
+    /// Returns the attributes as text; `-` if the input has none.
     fn line(&self) -> String {
-        let mut words = self.kept.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-        words.extend(self.regions.map(|(was, is)| format!("{is} of {was} regions")));
-        words.extend(self.dropped.iter().map(|name| format!("not {name}")));
-        if words.is_empty() { "-".to_owned() } else { words.join(", ") }
+        let mut items = self.kept.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        items.extend(self.regions.map(|(was, is)| format!("{is} of {was} regions")));
+        items.extend(self.dropped.iter().map(|name| format!("not {name}")));
+        if items.is_empty() { "-".to_owned() } else { items.join(", ") }
     }
 }
 
@@ -328,8 +327,8 @@ impl MethodComparison {
         let mut failed = Vec::new();
         for row in &self.rows {
             match &row.outcome {
-                Ok(judged) => cells.push(judged.cells(row.method, &self.model)),
-                Err(reason) => failed.push(format!("{}: fails: {reason}", row.method.name())),
+                Ok(figures) => cells.push(figures.cells(row.method, &self.model)),
+                Err(reason) => failed.push(format!("{}: failed: {reason}", row.method.name())),
             }
         }
         let width = |k: usize| cells.iter().map(|c| c[k].chars().count()).max().unwrap_or(0);
@@ -375,7 +374,7 @@ impl MethodComparison {
 
 /// Column headings of the table.
 const COLUMN_TITLES: [&str; 10] =
-    ["method", "faces", "", "time", "mean %", "rms %", "max %", "ended by", "new defects", "carries"];
+    ["method", "faces", "", "time", "mean %", "rms %", "max %", "ended by", "new defects", "attributes"];
 
 /// Returns a JSON object of numbers by name.
 fn object<N: Into<Value>>(pairs: impl IntoIterator<Item = (&'static str, N)>) -> Value {
@@ -387,7 +386,7 @@ impl MethodRow {
     fn to_json(&self, model: &PreparedModel) -> Value {
         let name = self.method.name();
         match &self.outcome {
-            Ok(judged) => judged.to_json(name, self.to.as_ref(), model),
+            Ok(figures) => figures.to_json(name, self.to.as_ref(), model),
             Err(reason) => json!({ "method": name, "error": reason }),
         }
     }
@@ -416,13 +415,13 @@ impl MethodFigures {
         ]
     }
 
-    /// Returns the caption below a picture.
+    /// Returns the caption below an image.
     fn caption(&self, method: MethodKind) -> Vec<String> {
         let largest = match &self.measured {
             Some(m) if m.diagonal > 0.0 => {
                 format!("max {} %", short(100.0 * m.hausdorff.symmetric / m.diagonal))
             }
-            _ => "nothing to measure".to_owned(),
+            _ => "not measured".to_owned(),
         };
         let faces = format!("{} faces, {}", grouped(self.report.faces), seconds(self.clock.total()));
         vec![method.name().to_owned(), faces, largest]
@@ -431,24 +430,24 @@ impl MethodFigures {
     /// Returns the details for `-v`: times by stage, and refusals.
     fn detail(&self) -> String {
         let times = self.clock.stages.iter().filter(|(name, _)| *name != "read");
-        let mut words: Vec<_> = times.map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
+        let mut items: Vec<_> = times.map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
         let refused = refusals(&self.report);
         if !refused.is_empty() {
-            words.push(format!("refused: {refused}"));
+            items.push(format!("refused: {refused}"));
         }
-        words.join(", ")
+        items.join(", ")
     }
 
-    /// Returns the defects that are more than in the input, in words.
+    /// Returns the defects that the input does not have, as text.
     fn defects(&self, model: &PreparedModel) -> String {
         let risen = self.validity.risen_from(&model.validity).filter(|r| r.1 > 0);
-        let mut words: Vec<_> =
+        let mut items: Vec<_> =
             risen.map(|(name, n)| format!("{} {}", grouped(n), name.replace('_', " "))).collect();
         let lost = model.validity.components.saturating_sub(self.validity.components);
         if lost > 0 {
-            words.push(format!("{} parts gone", grouped(lost)));
+            items.push(format!("{} parts lost", grouped(lost)));
         }
-        if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+        if items.is_empty() { "none".to_owned() } else { items.join(", ") }
     }
 
     fn to_json(&self, method: &str, to: Option<&Destination>, model: &PreparedModel) -> Value {
@@ -489,7 +488,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_came_along_is_told_apart_from_what_did_not() {
+    fn kept_and_dropped_attributes_are_listed() {
         let plain = shapes::cube(2);
         let count = plain.wedge_count();
         let mut input = plain.clone();

@@ -42,18 +42,18 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         Sink::Stream => None,
     };
     if let Some(other) = hint.filter(|&f| f != Format::Lpm) {
-        let text = format!("{}: the ending is that of {}, and the file is LPM", args.output, other.title());
+        let text = format!("{}: the extension means {}, but the file is LPM", args.output, other.title());
         return Err(usage(text));
     }
     let is_taken = args.output == Sink::Stream;
     if is_taken && args.ending.json {
-        return Err(usage("standard output cannot carry the file and --json"));
+        return Err(usage("standard output cannot have both the file and --json: write to a file"));
     }
-    let wanted = args.options()?;
+    let requested = args.options()?;
     let out = Output::new(args.run.loudness, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.loudness.quiet);
     let path = args.input.to_string();
-    let begin = Instant::now();
+    let start = Instant::now();
     let built = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
         let mut watch = BarWatch::new(&bar);
@@ -61,13 +61,13 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         job.enter(Step::Read);
         let names = args.engine.names.clone();
         let loaded = file::read_with(&args.input, &args.reading, constraints::properties(&names))?;
-        let mut options = wanted.clone();
+        let mut options = requested.clone();
         // Measured afterwards, like the levels of `extract`.
         let limit = options.stop.error.take();
         let data = constraints::of_mesh(&names, &loaded)?;
         let mut warnings = loaded.warnings;
         if loaded.format.is_scene() && loaded.contents.meshes > 1 {
-            warnings.push(Warning::lost("the meshes of the scene become one: nodes are not kept"));
+            warnings.push(Warning::lost("all meshes of the scene were merged: nodes are not kept"));
         }
         job.enter(Step::Prepare);
         memory::check("progressive build", memory_need::progressive(Size::of(&loaded.mesh), &options))?;
@@ -90,7 +90,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
     let mut report = json!({
         "input": { "path": path, "format": from.name(), "faces": full[0], "vertices": full[1] },
         "output": { "path": args.output.to_string(), "format": "lpm", "bytes": sizes.total() },
-        "method": wanted.method.kind().name(),
+        "method": requested.method.kind().name(),
         "target": lodsmith_asset::report_json::target(&args.target.stop()),
     });
     merge(&mut report, describe(&splits, &sizes, args.bits));
@@ -105,7 +105,7 @@ fn build(args: &LpmBuildArgs) -> anyhow::Result<Status> {
         grouped(base[0]),
         counted(full[0], "face", "faces"),
         bytes_text(&splits, &sizes),
-        seconds(begin.elapsed().as_secs_f64())
+        seconds(start.elapsed().as_secs_f64())
     ));
     let is_lossy = show_warnings(&out, &path, &warnings, args.ending.strict);
     out.finish(if is_lossy { Status::Strict } else { Status::Done })
@@ -117,12 +117,12 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     paths::refuse_inputs(&args.output, [&args.input], args.writing.writing.force)?;
     let is_taken = args.output == Sink::Stream;
     if is_taken && args.ending.json {
-        return Err(usage("standard output cannot carry the mesh and --json"));
+        return Err(usage("standard output cannot have both the mesh and --json: write the mesh to a file"));
     }
     let out = Output::new(args.run.loudness, args.ending.json, is_taken);
     let progress = Progress::new(1, args.run.loudness.quiet);
     let path = args.input.to_string();
-    let begin = Instant::now();
+    let start = Instant::now();
     let extracted = in_order::pool(args.run.threads())?.install(|| {
         let bar = progress.file(&path);
         bar.read();
@@ -143,7 +143,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         orient(&mut mesh, &writing);
         let mut warnings = lpm.warnings;
         if !lpm.is_complete && args.stop().error.is_some() {
-            let text = "--error is measured from the finest level that the file has";
+            let text = "--error is measured from the finest level in this incomplete file";
             warnings.push(Warning::note(text));
         }
         let to = Destination { sink: args.output.clone(), format, writing, dry_run: false };
@@ -153,7 +153,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     progress.finish();
     let (levels, [faces, vertices], full, (is_reached, measured), warnings) =
         extracted.map_err(|e: anyhow::Error| e.context(path.clone()))?;
-    let secs = begin.elapsed().as_secs_f64();
+    let secs = start.elapsed().as_secs_f64();
     out.object(&json!({
         "input": { "path": path, "format": "lpm", "faces": full, "levels": levels.levels() },
         "output": {
@@ -168,12 +168,12 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
         "warnings": texts(&warnings),
         "seconds": micros(secs),
     }));
-    let far = match &measured {
+    let error = match &measured {
         Some(m) => format!("rms {}, max {}", short(m.rms.symmetric), short(m.hausdorff.symmetric)),
         None => format!("rms about {}", short(levels.error())),
     };
     out.line(&format!(
-        "{path} → {}: level {} of {}, {} of {} faces, {far}, {}",
+        "{path} → {}: level {} of {}, {} of {} faces, {error}, {}",
         args.output,
         grouped(levels.level()),
         grouped(levels.top()),
@@ -189,7 +189,7 @@ fn extract(args: &ExtractArgs) -> anyhow::Result<Status> {
     out.finish(if is_fault { Status::Strict } else { Status::Done })
 }
 
-/// Goes down to the first level that meets one of the targets. Returns `false` if there is none.
+/// Moves to the finest level that meets one of the targets. Returns `false` if no level does.
 fn go_to(
     levels: &mut Progressive,
     args: &ExtractArgs,
@@ -209,7 +209,7 @@ fn go_to(
     };
     let Some(level) = by_faces.chain(by_vertices).chain(by_error).max() else { return Ok(true) };
     levels.to_level(level);
-    let is_met = |wanted: Option<usize>, got: usize| wanted.is_some_and(|n| got <= n);
+    let is_met = |target: Option<usize>, count: usize| target.is_some_and(|n| count <= n);
     Ok(stop.error.is_some()
         || is_met(stop.faces, levels.face_count())
         || is_met(share, levels.face_count())
@@ -241,7 +241,7 @@ fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
         bytes_text(&lpm.splits, &lpm.sizes)
     ));
     let kept = match lpm.bits {
-        None => "every bit kept".to_owned(),
+        None => "lossless".to_owned(),
         Some(bits) => format!("positions in {bits} bits"),
     };
     let chunks = counted(lpm.sizes.chunks as usize, "chunk", "chunks");
@@ -260,7 +260,7 @@ fn info(args: &LpmInfoArgs) -> anyhow::Result<Status> {
     out.finish(Status::Done)
 }
 
-/// Returns faces and vertices of the base and of the finest level, including holes.
+/// Returns the counts of faces and vertices of the base and of the finest level, including holes.
 fn ends(splits: &Splits) -> ([usize; 2], [usize; 2]) {
     let of = |level: usize| {
         let counts = splits.counts[level];

@@ -60,14 +60,14 @@ fn details(done: &Outcome) -> Vec<String> {
         lines.push(format!("  locked: {}, {faces}", counted(r.locked_vertices, "vertex", "vertices")));
     }
     if r.parts_removed > 0 {
-        lines.push(format!("  {} removed whole", counted(r.parts_removed, "part", "parts")));
+        lines.push(format!("  {} removed", counted(r.parts_removed, "part", "parts")));
     }
     if r.necks_cut > 0 {
         lines.push(format!("  {} cut", counted(r.necks_cut, "neck", "necks")));
     }
     if r.two_sided_pairs > 0 {
         let pairs = counted(r.two_sided_pairs, "pair", "pairs");
-        lines.push(format!("  {pairs} of faces back to back reduced as one side and written as both"));
+        lines.push(format!("  {pairs} of faces back to back simplified as one side and written as both"));
     }
     if r.pairs_contracted > 0 {
         lines.push(format!("  {} contracted", counted(r.pairs_contracted, "pair", "pairs")));
@@ -75,16 +75,16 @@ fn details(done: &Outcome) -> Vec<String> {
     if let Some(c) = r.clustered.filter(|c| c.cell > 0.0) {
         let faces = counted(c.faces, "face", "faces");
         let edges = counted(c.non_manifold_edges, "edge", "edges");
-        lines.push(format!("  {faces} by cells of {}; {edges} with more than two of them", short(c.cell)));
+        lines.push(format!("  {faces} by cells of {}; {edges} with more than two faces", short(c.cell)));
     }
     if r.pruned.parts > 0 {
         let parts = counted(r.pruned.parts, "small part", "small parts");
-        lines.push(format!("  {parts} pruned first, of {}", counted(r.pruned.faces, "face", "faces")));
+        lines.push(format!("  {parts} pruned first, with {}", counted(r.pruned.faces, "face", "faces")));
     }
     if done.meshes.len() > 1 {
         lines.extend(done.meshes.iter().map(|(name, m)| {
-            let times = counted(m.instances, "instance", "instances");
-            format!("  {name}: {} → {} faces, {times}", grouped(m.input_faces), grouped(m.faces))
+            let instances = counted(m.instances, "instance", "instances");
+            format!("  {name}: {} → {} faces, {instances}", grouped(m.input_faces), grouped(m.faces))
         }));
     }
     lines

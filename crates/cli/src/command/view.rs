@@ -13,7 +13,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     Ok(Status::Done)
 }
 
-/// Explains how to get the window.
+/// Returns an error that explains how to install the window.
 #[cfg(not(feature = "view"))]
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
     let what = match args.inputs.first() {
@@ -21,8 +21,8 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Status> {
         None => String::new(),
     };
     anyhow::bail!(
-        "{what}this lodsmith was built without its window. `cargo install lodsmith-cli --features view` builds one with \
-         it (from a checkout: cargo install --path crates/cli --features view); `lodsmith render` makes pictures without"
+        "{what}this lodsmith was built without the window. Install it with `cargo install lodsmith-cli --features view` \
+         (from a checkout: cargo install --path crates/cli --features view); `lodsmith render` renders images without it"
     )
 }
 
@@ -34,36 +34,36 @@ mod tests {
 
     use crate::args::Cli;
 
-    /// Returns the options that the command line gets from the window's text.
-    fn typed(how: &Simplification) -> lodsmith::SimplifyOptions {
-        let words = ["lodsmith", "simplify", "a.ply", "--dry-run"].map(str::to_owned);
-        let cli = Cli::try_parse_from(words.into_iter().chain(how.words())).unwrap();
+    /// Returns the options that the command parses from the command line that the window shows.
+    fn parsed(simplification: &Simplification) -> lodsmith::SimplifyOptions {
+        let arguments = ["lodsmith", "simplify", "a.ply", "--dry-run"].map(str::to_owned);
+        let cli = Cli::try_parse_from(arguments.into_iter().chain(simplification.words())).unwrap();
         cli.command.job().expect("simplify is a job").options.engine().unwrap()
     }
 
     #[test]
-    fn the_command_line_that_the_window_shows_means_what_the_window_does() {
+    fn the_command_line_in_the_window_has_the_options_of_the_window() {
         for preset in Preset::ALL {
-            let how = Simplification::of_preset(preset, Stop::ratio(0.1));
-            assert_eq!(typed(&how), how.options, "{preset:?}");
+            let shown = Simplification::of_preset(preset, Stop::ratio(0.1));
+            assert_eq!(parsed(&shown), shown.options, "{preset:?}");
         }
         for method in MethodKind::ALL {
-            let mut how = Simplification::of_preset(Preset::Auto, Stop::faces(100));
-            how.options.method = method.into();
-            how.options.weld = Some(Length::OfDiagonal(0.07 / 100.0));
-            how.options.guards.max_normal_deg = Some(40.0);
-            how.options.sharp_deg = Some(30.0);
-            how.options.guards.max_edge = Some(Length::Units(0.3));
-            how.options.weights.uv = 2.5;
-            how.options.seed = 3;
-            how.options.escalate = true;
-            assert_eq!(typed(&how), how.options, "{method:?}");
+            let mut shown = Simplification::of_preset(Preset::Auto, Stop::faces(100));
+            shown.options.method = method.into();
+            shown.options.weld = Some(Length::OfDiagonal(0.07 / 100.0));
+            shown.options.guards.max_normal_deg = Some(40.0);
+            shown.options.sharp_deg = Some(30.0);
+            shown.options.guards.max_edge = Some(Length::Units(0.3));
+            shown.options.weights.uv = 2.5;
+            shown.options.seed = 3;
+            shown.options.escalate = true;
+            assert_eq!(parsed(&shown), shown.options, "{method:?}");
         }
-        let mut how = Simplification::of_preset(Preset::Scan, Stop::ratio(0.1));
-        how.options.weld = None;
-        assert_eq!(typed(&how), how.options);
-        let mut how = Simplification::of_preset(Preset::Cad, Stop::error(Length::OfDiagonal(0.001)));
-        how.options.measure = lodsmith::Measure::Always;
-        assert_eq!(typed(&how), how.options);
+        let mut shown = Simplification::of_preset(Preset::Scan, Stop::ratio(0.1));
+        shown.options.weld = None;
+        assert_eq!(parsed(&shown), shown.options);
+        let mut shown = Simplification::of_preset(Preset::Cad, Stop::error(Length::OfDiagonal(0.001)));
+        shown.options.measure = lodsmith::Measure::Always;
+        assert_eq!(parsed(&shown), shown.options);
     }
 }

@@ -34,7 +34,7 @@ impl RunOutcome {
         assert_eq!(self.status, status, "stdout: {}\nstderr: {}", self.stdout.escape_ascii(), self.stderr);
         self
     }
-    /// Checks that there is one line of error and no internals of the program.
+    /// Checks that there is one line of error, without internals of the program.
     #[track_caller]
     pub(crate) fn with_one_error(self) -> Self {
         assert_eq!(self.stderr.lines().count(), 1, "{}", self.stderr);
@@ -51,21 +51,21 @@ pub(crate) struct CliSandbox {
 
 impl CliSandbox {
     pub(crate) fn new() -> Self {
-        Self { folder: TempDir::new().expect("there is room for a folder") }
+        Self { folder: TempDir::new().expect("the folder can be created") }
     }
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
     pub(crate) fn put(&self, name: &str, content: &str) {
-        fs::write(self.path(name), content).expect("there is room for a file");
+        fs::write(self.path(name), content).expect("the file can be written");
     }
-    pub(crate) fn run(&self, words: &str) -> RunOutcome {
-        self.run_with(words, Vec::new())
+    pub(crate) fn run(&self, arguments: &str) -> RunOutcome {
+        self.run_with(arguments, Vec::new())
     }
-    pub(crate) fn run_with(&self, words: &str, stdin: impl Into<Vec<u8>>) -> RunOutcome {
+    pub(crate) fn run_with(&self, arguments: &str, stdin: impl Into<Vec<u8>>) -> RunOutcome {
         let command = Command::cargo_bin("lodsmith")
             .expect("the command is built")
-            .args(words.split_whitespace())
+            .args(arguments.split_whitespace())
             .current_dir(self.folder.path())
             .env_remove("RUST_BACKTRACE")
             .write_stdin(stdin)
@@ -73,13 +73,13 @@ impl CliSandbox {
         RunOutcome::of(command.expect("it runs"))
     }
     /// Starts the command and leaves it running. Standard input stays open until it is taken and dropped.
-    pub(crate) fn start(&self, words: &str) -> std::process::Child {
-        self.start_into(words, std::process::Stdio::piped())
+    pub(crate) fn start(&self, arguments: &str) -> std::process::Child {
+        self.start_into(arguments, std::process::Stdio::piped())
     }
-    fn start_into(&self, words: &str, stdout: std::process::Stdio) -> std::process::Child {
+    fn start_into(&self, arguments: &str, stdout: std::process::Stdio) -> std::process::Child {
         use std::process::Stdio;
         std::process::Command::new(assert_cmd::cargo::cargo_bin("lodsmith"))
-            .args(words.split_whitespace())
+            .args(arguments.split_whitespace())
             .current_dir(self.folder.path())
             .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::piped())
@@ -89,16 +89,16 @@ impl CliSandbox {
             .expect("it runs")
     }
     /// Runs the command with a standard output that is closed at the other end.
-    pub(crate) fn run_without_reader(&self, words: &str) -> std::process::Output {
-        let mut child = self.start(words);
+    pub(crate) fn run_without_reader(&self, arguments: &str) -> std::process::Output {
+        let mut child = self.start(arguments);
         drop(child.stdout.take());
         child.wait_with_output().expect("it ends")
     }
     /// Runs the command with a standard output that accepts nothing, like a full disk.
     #[cfg(target_os = "linux")]
-    pub(crate) fn run_into_full_device(&self, words: &str) -> RunOutcome {
+    pub(crate) fn run_into_full_device(&self, arguments: &str) -> RunOutcome {
         let device = fs::File::options().write(true).open("/dev/full").expect("Linux has it");
-        RunOutcome::of(self.start_into(words, device.into()).wait_with_output().expect("it ends"))
+        RunOutcome::of(self.start_into(arguments, device.into()).wait_with_output().expect("it ends"))
     }
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = fs::read_dir(self.path(folder)).expect("the folder is there");

@@ -1,4 +1,4 @@
-//! Visual comparison: renders both meshes from many sides and compares the pictures.
+//! Visual comparison: renders both meshes from many directions and compares the images.
 
 use std::time::Instant;
 
@@ -23,17 +23,17 @@ pub(super) struct ViewComparison {
     views: Vec<ImageError>,
     size: [usize; 2],
     shading: Shading,
-    /// For one view: reference and candidate.
+    /// Mean time to render one view of the reference and of the candidate.
     draw_seconds: [f64; 2],
 }
 
-/// Returns the format of the contact sheet, if one is asked for.
+/// Returns the format of the contact sheet, if one is requested.
 pub(super) fn sheet_format(args: &CompareArgs) -> anyhow::Result<Option<PictureFormat>> {
     let Some(path) = &args.views_sheet else { return Ok(None) };
     Ok(Some(picture_format(&Sink::Path(path.clone()))?))
 }
 
-/// Renders both from `count` sides and compares the pictures.
+/// Renders both models from `count` directions and compares the images.
 pub(super) fn compare_views(
     args: &CompareArgs,
     count: usize,
@@ -51,23 +51,25 @@ pub(super) fn compare_views(
     let reference = Subject::new(&models[0])?;
     let candidate = Subject::new(&models[1])?.with_creases(reference.creases());
     let subjects = [reference, candidate];
-    let bounds = subjects[0].bounds().ok_or_else(|| usage(format!("{}: nothing to see", args.reference)))?;
+    let bounds =
+        subjects[0].bounds().ok_or_else(|| usage(format!("{}: no faces to render", args.reference)))?;
     let [width, height] = args.size;
-    let mut seen = ViewComparison { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
+    let mut comparison =
+        ViewComparison { views: Vec::new(), size: args.size, shading, draw_seconds: [0.0; 2] };
     let mut panels = Vec::new();
     for camera in cameras(&bounds, count, width as f64 / height as f64) {
         let mut view = View::new(camera, width, height);
         view.background = Background::Transparent;
         view.look.shading = shading;
         let mut draw = |side: usize| -> anyhow::Result<Image> {
-            let begin = Instant::now();
+            let start = Instant::now();
             let picture = render(&subjects[side], &view)?;
-            seen.draw_seconds[side] += begin.elapsed().as_secs_f64() / count as f64;
+            comparison.draw_seconds[side] += start.elapsed().as_secs_f64() / count as f64;
             Ok(picture)
         };
         let pictures = [draw(0)?, draw(1)?];
         let error = image_error(&pictures[0], &pictures[1])?;
-        seen.views.push(error);
+        comparison.views.push(error);
         if format.is_some() {
             let caption = format!("FLIP {}", significant(error.flip, 3));
             let captions = ["reference".to_owned(), caption];
@@ -80,11 +82,11 @@ pub(super) fn compare_views(
         let sheet = sheet(&panels, 4, Background::default(), None);
         file::write_picture(&sheet, &Sink::Path(path.clone()), format, args.force)?;
     }
-    Ok(seen)
+    Ok(comparison)
 }
 
-/// Returns the model to render. A scene file is read again for its materials; of standard input the mesh is
-/// used, and of 3MF too, which has other coordinates as a scene.
+/// Returns the model to render. A scene file is read again for its materials; for standard input, the mesh is
+/// used, and also for 3MF, which has other coordinates as a scene.
 fn model(source: &Source, loaded: &Loaded, reading: &Reading) -> anyhow::Result<Model> {
     match source {
         Source::Path(path) if loaded.format.is_scene() && loaded.format != Format::ThreeMf => {
@@ -131,12 +133,12 @@ impl ViewComparison {
         let decibels = |e: &ImageError| e.psnr_db().map_or("∞".to_owned(), |x| significant(x, 4)) + " dB";
         let milliseconds = self.draw_seconds.map(|s| significant(1000.0 * s, 3));
         vec![
-            format!("pictures        {} of {width} × {height}, {}", self.views.len(), self.shading.name()),
+            format!("images          {} of {width} × {height}, {}", self.views.len(), self.shading.name()),
             line("  FLIP", &|e| significant(e.flip, 4)),
             line("  SSIM", &|e| significant(e.ssim, 4)),
             line("  PSNR", &decibels),
             line("  silhouette", &|e| format!("{} %", significant(100.0 * e.silhouette, 3))),
-            format!("  drawn in      {} ms, {} ms", milliseconds[0], milliseconds[1]),
+            format!("  render time   {} ms, {} ms", milliseconds[0], milliseconds[1]),
         ]
     }
 }
