@@ -465,8 +465,8 @@ typedef struct lodsmith_options {
   size_t texture_count;
   // Seed of all random choices.
   uint64_t seed;
-  // Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag, separated by
-  // blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
+  // Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag,
+  // separated by blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
   const char *named;
 } lodsmith_options;
 

@@ -207,8 +207,8 @@ pub struct LodsmithOptions {
     pub texture_count: usize,
     /// Seed of all random choices.
     pub seed: u64,
-    /// Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag, separated by
-    /// blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
+    /// Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag,
+    /// separated by blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
     pub named: *const c_char,
 }
 
