@@ -12,27 +12,27 @@ const STEP: f64 = 0.01;
 pub(crate) struct Progress {
     function: Option<Function>,
     stage: &'static str,
-    told: f64,
+    reported: f64,
 }
 
 impl Progress {
     /// Returns a control for a function, if there is one.
     pub(crate) fn new(function: Option<Function>) -> Self {
-        Self { function, stage: "", told: 0.0 }
+        Self { function, stage: "", reported: 0.0 }
     }
 }
 
 impl Control for Progress {
     fn stage(&mut self, stage: Stage) {
-        (self.stage, self.told) = (stage.name(), f64::NEG_INFINITY);
+        (self.stage, self.reported) = (stage.name(), f64::NEG_INFINITY);
     }
 
     fn progress(&mut self, done: f64) -> Verdict {
         let Some(function) = &self.function else { return Verdict::Continue };
-        if done < self.told + STEP {
+        if done < self.reported + STEP {
             return Verdict::Continue;
         }
-        self.told = done;
+        self.reported = done;
         match function.call2(&JsValue::NULL, &done.into(), &self.stage.into()) {
             Ok(answer) if answer != JsValue::FALSE => Verdict::Continue,
             _ => Verdict::Cancel,

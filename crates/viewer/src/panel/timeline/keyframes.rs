@@ -108,9 +108,11 @@ pub(super) fn lane(
     let response = ui.interact(bed, ui.scope_id().with(("lane", mover)), Sense::click_and_drag());
     let name = format!("Keyframes of {}", track.name.to_lowercase());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Group, true, &name));
-    let mut desk = scope.facts.stage.keyframes.clone();
-    let before = desk.clone();
-    if let Some(new) = handle_mouse(&response, scope, scale, &stage.motion, mover, &track.keys, &mut desk) {
+    let mut selection = scope.facts.stage.keyframes.clone();
+    let before = selection.clone();
+    if let Some(new) =
+        handle_mouse(&response, scope, scale, &stage.motion, mover, &track.keys, &mut selection)
+    {
         match new {
             LaneChange::Motion(motion) => scope.command(Command::Stage(StageChange::Motion(motion))),
             LaneChange::Moment(secs) => {
@@ -121,8 +123,8 @@ pub(super) fn lane(
             }
         }
     }
-    if desk != before {
-        scope.requests.push(UiRequest::KeyframeSelection(desk));
+    if selection != before {
+        scope.requests.push(UiRequest::KeyframeSelection(selection));
     }
     paint(ui, scope, rect, scale, &response, (mover, &track.keys));
 }
@@ -140,7 +142,7 @@ fn handle_mouse(
     motion: &Motion,
     mover: Mover,
     keys: &[f64],
-    desk: &mut KeyframeSelection,
+    selection: &mut KeyframeSelection,
 ) -> Option<LaneChange> {
     let (modifiers, pressed): (Modifiers, _) =
         response.ctx.input(|i| (i.modifiers, i.pointer.press_origin()));
@@ -149,20 +151,20 @@ fn handle_mouse(
         && let Some(secs) = keyframe_at(scale, keys, at.x)
     {
         let name = (mover, secs);
-        if !desk.chosen.contains(&name) {
+        if !selection.chosen.contains(&name) {
             if !modifiers.shift {
-                desk.chosen.clear();
+                selection.chosen.clear();
             }
-            desk.chosen.push(name);
+            selection.chosen.push(name);
         }
-        let (names, before) = (desk.chosen.clone(), motion.clone());
+        let (names, before) = (selection.chosen.clone(), motion.clone());
         let from_secs = secs + scale.seconds_at(at.x) - scale.seconds_at(scale.x_of(secs));
-        desk.drag = Some(KeyframeDrag { before, names, from_secs, keeps: modifiers.alt });
+        selection.drag = Some(KeyframeDrag { before, names, from_secs, keeps: modifiers.alt });
         return None;
     }
     // Only the dragged lane handles the drag.
     if response.dragged()
-        && let Some(drag) = &desk.drag
+        && let Some(drag) = &selection.drag
         && let Some(pointer) = response.interact_pointer_pos()
     {
         let first = drag.names.iter().map(|n| n.1).fold(f64::INFINITY, f64::min);
@@ -173,28 +175,28 @@ fn handle_mouse(
         let by = if by.abs() < 0.5 / SNAPS_PER_SEC { 0.0 } else { to - first };
         let mut new = Vec::new();
         let with = drag.before.with(|m| new = m.shift(&drag.names, by, drag.keeps));
-        desk.chosen = new;
+        selection.chosen = new;
         return (with != *motion).then_some(LaneChange::Motion(with));
     }
     if response.drag_stopped() {
-        desk.drag = None;
+        selection.drag = None;
     }
     if !response.clicked() {
         return None;
     }
     let secs = response.interact_pointer_pos().and_then(|at| keyframe_at(scale, keys, at.x));
     let Some(secs) = secs else {
-        desk.chosen.clear();
+        selection.chosen.clear();
         return None;
     };
     let name: KeyframeId = (mover, secs);
     if !modifiers.shift {
-        desk.chosen = vec![name];
+        selection.chosen = vec![name];
         return (rounded_secs(scope.document.moment()) != secs).then_some(LaneChange::Moment(secs));
     }
-    match desk.chosen.iter().position(|n| *n == name) {
-        Some(at) => _ = desk.chosen.remove(at),
-        None => desk.chosen.push(name),
+    match selection.chosen.iter().position(|n| *n == name) {
+        Some(at) => _ = selection.chosen.remove(at),
+        None => selection.chosen.push(name),
     }
     None
 }
@@ -231,10 +233,10 @@ fn paint(
         let font = egui::TextStyle::Small.resolve(ui.style());
         painter.text(pos2(scale.x_range.min + 4.0, y), egui::Align2::LEFT_CENTER, hint, font, p.weak);
     }
-    let desk = &scope.facts.stage.keyframes;
+    let selection = &scope.facts.stage.keyframes;
     for &secs in keys {
         let at = pos2(scale.x_of(secs), y);
-        let is_chosen = desk.chosen.contains(&(mover, secs));
+        let is_chosen = selection.chosen.contains(&(mover, secs));
         let fill = if is_chosen { p.accent } else { p.panel };
         let line = if is_chosen || hovered == Some(secs) { p.text } else { p.weak };
         let points = [(0.0, -MARK_RADIUS), (MARK_RADIUS, 0.0), (0.0, MARK_RADIUS), (-MARK_RADIUS, 0.0)]
