@@ -1,11 +1,10 @@
 //! Images of meshes, and images as arrays.
 
 use lodsmith::core::{Bounds, Image};
-use lodsmith_asset::AssetError;
-use lodsmith_asset::Up;
 use lodsmith_asset::picture::Viewpoint;
 use lodsmith_asset::request::{Request, Verb};
 use lodsmith_asset::warnings::Spelling;
+use lodsmith_asset::{AssetError, Up, Writing, orient};
 use lodsmith_render::{Camera, DVec3, PictureFormat, RenderError, Shading, Subject, encode};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -31,7 +30,7 @@ pub(crate) fn render<'py>(
         request.map_err(|e: AssetError| PyValueError::new_err(text_of(&e)))?.options().picture.clone();
     let mut mesh = mesh.mesh(py)?;
     if recipe.up == Up::Z {
-        mesh.map_positions(|[x, y, z]| [x, z, -y]);
+        orient(&mut mesh, &Writing { up: Some(Up::Y), ..Writing::default() });
     }
     let usual = match (&heat, mesh.colors()) {
         (Some(_), _) => Shading::Heat,

@@ -257,6 +257,13 @@ def test_pictures(ball, wave, files):
     picture.save(files / "ball.png")
     assert pathlib.Path(files / "ball.png").stat().st_size > 500
     assert "image/png" in ball._repr_mimebundle_()
+    with pytest.raises(TypeError, match="save"):
+        lodsmith.render(files / "wave.ply", files / "wave.png")
+    unit = np.asarray(ball.vertices, np.float32)
+    z_up = lodsmith.Mesh(unit, ball.faces, {"normals": unit})
+    turned = unit[:, [0, 2, 1]] * np.float32([1, 1, -1])
+    y_up = lodsmith.Mesh(turned, ball.faces, {"normals": turned})
+    assert (lodsmith.render(z_up, size=(80, 80), up="z") == lodsmith.render(y_up, size=(80, 80))).all()
     for wrong in [{"view": "inside"}, {"size": (0, 10)}, {"heat": [1, 2]}, {"shading": "heat"}, {"up": "x"}]:
         with pytest.raises(ValueError):
             lodsmith.render(ball, **wrong)

@@ -106,6 +106,8 @@ def render(
     if transparent:
         words["background"] = "transparent"
     if isinstance(mesh, (str, os.PathLike)):
+        if triangles is not None:
+            raise TypeError("render() of a file takes one path; save the image with .save(path)")
         if heat is not None:
             raise TypeError("heat= is for arrays and meshes; for files, use compare= and shading='heat'")
         if color is not None:
