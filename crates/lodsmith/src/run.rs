@@ -174,15 +174,15 @@ impl Run<'_, '_> {
         }
         // With free topology, parts and necks are removed in order of cost from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
-        let outcome = self.run_from_start(metric, goal, step, leave, control)?;
+        let allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
+        let outcome = self.run_from_start(metric, goal, step, allowed, control)?;
         let is_single = self.options.quick.is_some();
         let competes = !is_single && (outcome.seams_relaxed || outcome.kept_costly_seams);
         if !competes || goal.is_none() || step.is_some() || outcome.end == StopReason::Finish {
             return Ok(outcome);
         }
         let other =
-            self.run_from_start(metric, goal, step, TopologyChanges { seams: true, ..leave }, control)?;
+            self.run_from_start(metric, goal, step, TopologyChanges { seams: true, ..allowed }, control)?;
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
@@ -192,10 +192,10 @@ impl Run<'_, '_> {
         metric: M,
         goal: Goal,
         step: Option<f64>,
-        leave: TopologyChanges,
+        allowed: TopologyChanges,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let mut trunk = self.begin(metric, step, leave, (&[], 0), control)?;
+        let mut trunk = self.begin(metric, step, allowed, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, &goal, control)?;
         let proposes = end == StopReason::Stuck && step.is_none() && self.options.quick.is_none();
         self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)

@@ -91,21 +91,21 @@ impl Run<'_, '_> {
         control: &mut dyn Control,
     ) -> Result<Vec<(RunOutcome, usize)>, SimplifyError> {
         let is_free = self.options.topology == TopologyPolicy::Free;
-        let mut leave = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
+        let mut allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
         let mut trunk: Option<Trunk<M>> = None;
         let mut number = 0;
         let mut outcomes: Vec<(RunOutcome, usize)> = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
             let control = &mut ProgressShare::of(control, i, goals.len());
-            let mut outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
+            let mut outcome = self.level(metric, &mut trunk, (i, goals), allowed, control)?;
             let may_change = self.options.topology == TopologyPolicy::Relaxed;
             let is_short =
                 outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
-            if may_change && !leave.parts && is_short && outcome.end != StopReason::Finish {
+            if may_change && !allowed.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.
                 let (mut second, mut own) =
-                    (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..leave });
+                    (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..allowed });
                 let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
                 if other.has_touching_vertices && other.end != StopReason::Finish {
                     (second, own.cuts) = (None, false);
@@ -114,18 +114,18 @@ impl Run<'_, '_> {
                 if outcome.tally.parts_removed > 0
                     || self.closest_index(&[&outcome, &other], None, control) == 1
                 {
-                    (trunk, leave, outcome) = (second, own, other);
+                    (trunk, allowed, outcome) = (second, own, other);
                     number += 1;
                 } else {
                     outcome.proposals = other.proposals;
                 }
             } else if may_change
-                && leave.cuts
+                && allowed.cuts
                 && outcome.has_touching_vertices
                 && outcome.end != StopReason::Finish
             {
-                (trunk, leave.cuts) = (None, false);
-                outcome = self.level(metric, &mut trunk, (i, goals), leave, control)?;
+                (trunk, allowed.cuts) = (None, false);
+                outcome = self.level(metric, &mut trunk, (i, goals), allowed, control)?;
                 number += 1;
             }
             let is_last = outcome.end == StopReason::Finish;
@@ -143,7 +143,7 @@ impl Run<'_, '_> {
         metric: M,
         trunk: &mut Option<Trunk<M>>,
         (i, goals): (usize, &[Goal]),
-        leave: TopologyChanges,
+        allowed: TopologyChanges,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         let goal = &goals[i];
@@ -158,7 +158,7 @@ impl Run<'_, '_> {
                 trunk
             }
             None => {
-                let mut trunk = self.begin(metric, None, leave, (goals, i), control)?;
+                let mut trunk = self.begin(metric, None, allowed, (goals, i), control)?;
                 if !self.is_traced {
                     trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
                 }
@@ -190,7 +190,7 @@ impl Run<'_, '_> {
                 (branch, end)
             }
         };
-        let is_last = leave.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
+        let is_last = allowed.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
         let outcome =
             self.finish(&mut engine, &grown.root, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);

@@ -58,7 +58,7 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         step: Option<f64>,
-        leave: TopologyChanges,
+        allowed: TopologyChanges,
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
     ) -> Result<Trunk<M>, SimplifyError> {
@@ -67,11 +67,11 @@ impl Run<'_, '_> {
             self.start(metric, step, false, (goals, level))?;
 
         control.stage(Stage::Collapse);
-        if leave.parts {
-            engine.mesh.constraints.cuts_necks = leave.cuts;
+        if allowed.parts {
+            engine.mesh.constraints.cuts_necks = allowed.cuts;
             engine.enable_part_removal();
         }
-        if leave.seams {
+        if allowed.seams {
             engine.mesh.loosen_seams();
         }
         let root = Root { rows, originals, duplicate_faces, is_kept, weights };
