@@ -35,9 +35,9 @@ impl<M: Metric> Engine<M> {
 
     /// Returns the goal for the next sweep: if the pass ends at an estimated error, the count at which that
     /// is expected, so that the last sweeps before it are small.
-    pub(super) fn goal_for_estimate(&self, last: &Goal) -> Goal {
+    pub(super) fn goal_for_estimate(&self, final_goal: &Goal) -> Goal {
         if !self.mesh.constraints.rules.max_estimate.is_finite() {
-            return *last;
+            return *final_goal;
         }
         let now = self.mesh.store.live_faces;
         let wanted = if self.has_budget() {
@@ -47,7 +47,7 @@ impl<M: Metric> Engine<M> {
         } else {
             now
         };
-        Goal { faces: Some(wanted.max(last.faces.unwrap_or(0))), ..*last }
+        Goal { faces: Some(wanted.max(final_goal.faces.unwrap_or(0))), ..*final_goal }
     }
 }
 

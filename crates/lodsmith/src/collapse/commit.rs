@@ -129,14 +129,14 @@ impl<M: Metric> LiveMesh<M> {
         // The form and the triangles may cost too much already, before lines and attributes are evaluated.
         // (On feature lines the form does not include all changes.)
         let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
-        let is_sure = is_exact && !is_on_lines && candidate.form_cost > 0.0;
+        let uses_form_cost = is_exact && !is_on_lines && candidate.form_cost > 0.0;
         if is_exact
             && self.values.attributes.is_some()
             && !is_probe
             && peak <= self.constraints.rules.max_step_sq
         {
             let known =
-                if is_sure { candidate.form_cost + self.peak_weight() * peak } else { candidate.cost };
+                if uses_form_cost { candidate.form_cost + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
                 return Err(CollapseOutcome::Later(known * weight));
             }
@@ -154,7 +154,7 @@ impl<M: Metric> LiveMesh<M> {
             metric_cost,
             weight,
             tau,
-            uses_form_cost: is_sure,
+            uses_form_cost,
         })
     }
 
@@ -227,7 +227,7 @@ impl<M: Metric> LiveMesh<M> {
         tally: &mut Tally,
     ) -> Result<Priced, CollapseOutcome> {
         let &Attempt { kept: u, candidate, is_probe, rings: [ru, rv], .. } = attempt;
-        let &Checked { steps: [y, off], at, is_bare, weight, tau, uses_form_cost: is_sure, .. } = checked;
+        let &Checked { steps: [y, off], at, is_bare, weight, tau, uses_form_cost, .. } = checked;
         let [mut cost, area, mut peak] = checked.planes;
         let v = candidate.removed;
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
@@ -237,7 +237,7 @@ impl<M: Metric> LiveMesh<M> {
             [cost, peak] = self.with_lines([cost, peak], attempt, [y, off], scratch);
         }
         // A cost that is known to be too high is not computed fully.
-        if is_sure {
+        if uses_form_cost {
             cost = cost.max(candidate.form_cost);
         } else if is_exact && self.values.attributes.is_some() && (cost <= tau || is_probe) {
             self.prepare_merge(u, v, y, ru, &mut scratch.merge);
@@ -287,17 +287,17 @@ impl<M: Metric> LiveMesh<M> {
             Some(known) => known,
             None => self.wedges_to_hand_over(u, v, y, off, ru, rv)?,
         };
-        let mut charge = None;
+        let mut sampled = None;
         if let Some(late) = &self.sampled {
             let max_cost = if is_probe { f32::INFINITY } else { tau };
             let found = self.sampled_cost(late, [x.origin, z.origin], at, [cost, max_cost], scratch, tally);
             cost = found.cost;
-            charge = Some(found);
+            sampled = Some(found);
         }
         if cost > tau || is_probe {
             return Err(CollapseOutcome::Later(cost * weight));
         }
-        Ok(Priced { cost, spent, detail, handed_over, sampled: charge })
+        Ok(Priced { cost, spent, detail, handed_over, sampled })
     }
 
     /// Adds the cost of the feature edges of the star to a cost, and their distances to the largest squared
@@ -348,8 +348,8 @@ impl<M: Metric> LiveMesh<M> {
         let (v, y) = (candidate.removed, checked.steps[0]);
         let (x, z) = (&self.store.v[u.index()], &self.store.v[v.index()]);
         let origins = [x.origin, z.origin];
-        if let Some(charge) = &priced.sampled {
-            self.hand_over_samples(origins, charge, &mut scratch.samples);
+        if let Some(sampled) = &priced.sampled {
+            self.hand_over_samples(origins, sampled, &mut scratch.samples);
         }
         self.hand_over_wedges(&priced.handed_over);
         if let Some(change) = priced.detail {

@@ -39,7 +39,7 @@ impl<M: Metric> LiveMesh<M> {
                 && (four.len() > 1 || self.values.attributes.is_some())
                 && four.iter().all(|&w| is_plain(w))
             {
-                let FourCosts { cost, step, form_cost: sure, solved } =
+                let FourCosts { cost, step, form_cost, solved } =
                     self.evaluate_four(u, four, are_lone || self.have_single_wedges(u, four), ru, members);
                 let within = solved & cost.simd_le(f32x4::splat(max_cost));
                 let over_limit = (solved ^ within).bitselect(cost, f32x4::splat(f32::INFINITY));
@@ -51,8 +51,8 @@ impl<M: Metric> LiveMesh<M> {
                     left &= left - 1;
                     if solved & (1 << i) != 0 {
                         let step = Vec3::from(step.map(|x| x.to_array()[i]));
-                        let (cost, sure) = (cost.to_array()[i], sure.to_array()[i]);
-                        found.within.push(Candidate { cost, removed: four[i], step, form_cost: sure });
+                        let (cost, form_cost) = (cost.to_array()[i], form_cost.to_array()[i]);
+                        found.within.push(Candidate { cost, removed: four[i], step, form_cost });
                     } else if let Some(candidate) = self.evaluate_edge(u, four[i], ru, members) {
                         found.add(candidate, max_cost);
                     }

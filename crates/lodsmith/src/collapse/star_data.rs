@@ -83,11 +83,11 @@ impl<M: Metric> LiveMesh<M> {
         let Store { v, t, .. } = &mut self.store;
         let (v, sums) = (&mut v[..], normals.of_each());
         let mut total_area = 0.0;
-        let brings = v.len() >= PREFETCH_MIN_VERTICES;
+        let prefetches = v.len() >= PREFETCH_MIN_VERTICES;
         let (fours, rest) = t.as_chunks::<4>();
         let last = rest.last().map(|last| ([0, 1, 2, 3].map(|i| *rest.get(i).unwrap_or(last)), rest.len()));
         for (i, (faces, count)) in fours.iter().map(|four| (*four, 4)).chain(last).enumerate() {
-            if let (true, Some(ahead)) = (brings, fours.get(i + PREFETCH_FOURS_AHEAD)) {
+            if let (true, Some(ahead)) = (prefetches, fours.get(i + PREFETCH_FOURS_AHEAD)) {
                 ahead.as_flattened().iter().for_each(|w| prefetch_index(&*v, w.index()));
             }
             let lengths = add_face_quadrics(&self.cost.metric, self.cost.mean_face, (faces, count), v, sums);

@@ -168,9 +168,9 @@ impl<M: Metric> LiveMesh<M> {
 impl<M: Metric> Engine<M> {
     /// Returns the progress of a run, from 0 to 1: relative to the collapses needed at its start, or to the
     /// faces if there is no goal.
-    fn done(&self, goal: &Goal, begun_with: usize, start_faces: usize) -> f64 {
+    fn done(&self, goal: &Goal, needed_at_start: usize, start_faces: usize) -> f64 {
         let done = match self.mesh.needed(goal) {
-            Some(n) => 1.0 - n as f64 / begun_with as f64,
+            Some(n) => 1.0 - n as f64 / needed_at_start as f64,
             None => 1.0 - self.mesh.store.live_faces as f64 / start_faces.max(1) as f64,
         };
         done.clamp(0.0, 1.0)
@@ -199,10 +199,10 @@ impl<M: Metric> Engine<M> {
         let mut scratch = VisitScratch::default();
         self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
         let first = self.first_bounds(&mut scratch);
-        let begun_with = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
+        let needed_at_start = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
         Sweeps {
             phase: Phase::Threshold((Histogram::of(&first), first.len()), After::Sweep),
-            needed_at_start: begun_with,
+            needed_at_start,
             start_faces: self.mesh.store.live_faces,
             has_swept: false,
             tau: 0.0,
@@ -263,22 +263,21 @@ impl<M: Metric> Engine<M> {
         end
     }
 
-    /// The body of [`Self::resume_sweeps`], without the check of the store at the end.
+    /// Sweeps until the run pauses or ends; [`Self::resume_sweeps`] checks the store afterwards.
     fn resume_unchecked(
         &mut self,
         sweeps: &mut Sweeps,
-        goal: &Goal,
+        final_goal: &Goal,
         pause: Pause,
         original: &OriginalInput<'_>,
         control: &mut dyn Control,
     ) -> Option<StopReason> {
-        let is_extreme = self.is_extreme(goal);
-        self.mesh.find_details(goal);
+        let is_extreme = self.is_extreme(final_goal);
+        self.mesh.find_details(final_goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
-        let last = goal;
         for _ in 0..MAX_SWEEPS {
             self.check_if_enabled(original);
-            let goal = &self.goal_for_estimate(last);
+            let goal = &self.goal_for_estimate(final_goal);
             if self.mesh.needed(goal) == Some(0) {
                 return Some(StopReason::Goal);
             }
@@ -385,9 +384,9 @@ impl<M: Metric> Engine<M> {
         }
         let goal_faces = goal.faces.unwrap_or(0);
         let goal_vertices = goal.vertices.unwrap_or(0);
-        let most_cost = self.cost_budget() - self.cost_of_removed_parts();
+        let max_cost = self.cost_budget() - self.cost_of_removed_parts();
         let count = self.mesh.store.v.len();
-        let brings = count >= PREFETCH_MIN_VERTICES;
+        let prefetches = count >= PREFETCH_MIN_VERTICES;
         self.tally.hub_budget.begin_sweep();
         'vertices: for start in (0..count).step_by(VISITS_PER_PROGRESS_REPORT) {
             match control.progress(done(self)) {
@@ -398,14 +397,14 @@ impl<M: Metric> Engine<M> {
             let bounds = &self.mesh.store.bound[start..count.min(start + VISITS_PER_PROGRESS_REPORT)];
             list_visits(bounds, start, tau, is_probe, visits);
             for (at, &u) in visits.iter().enumerate() {
-                if brings {
+                if prefetches {
                     self.mesh.store.prefetch(visits, at);
                 }
                 let store = &self.mesh.store;
                 if store.live_faces <= goal_faces || store.live_vertices <= goal_vertices {
                     break 'vertices;
                 }
-                if self.tally.collapse_cost > most_cost {
+                if self.tally.collapse_cost > max_cost {
                     return SweepResult::Ended(StopReason::Finish);
                 }
                 if store.v[u.index()].kind.is_gone() {

@@ -66,7 +66,7 @@ impl Run<'_, '_> {
                 (trunk, sweeps)
             }
         };
-        let mut fork = None;
+        let mut snapshot = None;
         let mut cuts = may_cut(self.options);
         let mut end = None;
         if copies.is_wanted() {
@@ -80,7 +80,7 @@ impl Run<'_, '_> {
         }
         if end.is_none() {
             if !trunk.engine.is_past_blocking(cuts) {
-                fork = Some(trunk.engine.snapshot(&sweeps));
+                snapshot = Some(trunk.engine.snapshot(&sweeps));
             }
             end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
         }
@@ -88,11 +88,12 @@ impl Run<'_, '_> {
         let end = end.unwrap_or(StopReason::Stuck);
         let mut outcomes = Vec::new();
         let seams_block = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_blocking_seams();
-        let mut parts = true;
+        // True if removing parts or cutting necks in order of cost may get closer.
+        let mut may_remove = true;
         if trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
-            parts = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
+            may_remove = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
-            parts |= outcome.kept_blocking_necks;
+            may_remove |= outcome.kept_blocking_necks;
             let competes = end == StopReason::Goal && outcome.has_rivals();
             // A search for an error decides by itself when to end.
             if end != StopReason::Stuck && !competes || step.is_some() {
@@ -102,9 +103,9 @@ impl Run<'_, '_> {
         }
         // Parts and handles block collapses: remove them in order of cost. Without a snapshot, the memory is
         // freed because it is needed.
-        let mut from = fork.map(|fork| (fork, trunk));
-        if parts {
-            let allowed = TopologyChanges { parts, cuts, seams: false };
+        let mut from = snapshot.map(|snapshot| (snapshot, trunk));
+        if may_remove {
+            let allowed = TopologyChanges { parts: true, cuts, seams: false };
             let mut second = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
             if second.has_touching_vertices && second.end != StopReason::Finish {
                 cuts = false;
@@ -117,7 +118,7 @@ impl Run<'_, '_> {
         let competes =
             seams_block || outcomes.iter().any(|outcome| outcome.seams_relaxed || outcome.kept_costly_seams);
         if competes && step.is_none() && !is_over {
-            let allowed = TopologyChanges { parts, cuts: cuts && parts, seams: true };
+            let allowed = TopologyChanges { parts: may_remove, cuts: cuts && may_remove, seams: true };
             let third = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
             // If the two sides of a cut touch, another candidate is used.
             outcomes.extend(Some(third).filter(|third| !third.has_touching_vertices || outcomes.is_empty()));
@@ -138,9 +139,9 @@ impl Run<'_, '_> {
     ) -> Result<RunOutcome, SimplifyError> {
         let mut own;
         let (trunk, mut sweeps) = match from {
-            Some((fork, trunk)) => {
+            Some((snapshot, trunk)) => {
                 control.stage(Stage::Collapse);
-                let (engine, mut sweeps) = fork.restored(&mut trunk.engine);
+                let (engine, mut sweeps) = snapshot.restored(&mut trunk.engine);
                 trunk.engine = engine;
                 if allowed.parts {
                     trunk.engine.allow_topology_changes(&mut sweeps, allowed.cuts, &self.source(&trunk.root));
@@ -229,18 +230,18 @@ mod tests {
             let goal = run.goal;
             let (mut trunk, mut sweeps, end) = paused(run, &goal);
             assert_eq!(end, None);
-            let fork = trunk.engine.snapshot(&sweeps);
+            let snapshot = trunk.engine.snapshot(&sweeps);
             let mut results = Vec::new();
             for others in 0..3 {
                 for _ in 0..others {
                     // Another run in between, which copies wedges.
-                    let (mut other, mut its) = fork.restored(&mut trunk.engine);
+                    let (mut other, mut its) = snapshot.restored(&mut trunk.engine);
                     other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
                     trunk.engine = other;
                     run.resume_trunk(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
                     assert!(trunk.engine.tally.necks_cut > 0);
                 }
-                (trunk.engine, sweeps) = fork.restored(&mut trunk.engine);
+                (trunk.engine, sweeps) = snapshot.restored(&mut trunk.engine);
                 let end =
                     run.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
                 trunk.engine.mesh.store.finish();

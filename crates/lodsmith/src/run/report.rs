@@ -19,7 +19,7 @@ pub(super) fn build_report(
     input: &Input<'_>,
     options: &SimplifyOptions,
     ordered: &Ordered,
-    care: &Constraints,
+    constraints: &Constraints,
     (outcome, deviation, by_error): Finished,
 ) -> Done {
     let surface = &input.surface;
@@ -71,8 +71,8 @@ pub(super) fn build_report(
         parts_removed: outcome.tally.parts_removed,
         necks_cut: outcome.tally.necks_cut,
         pairs_contracted: outcome.tally.pairs_contracted,
-        locked_vertices: care.locked_vertices(),
-        locked_faces: care.locked_faces(),
+        locked_vertices: constraints.locked_vertices(),
+        locked_faces: constraints.locked_faces(),
         seams_relaxed: outcome.seams_relaxed,
         sharp_relaxed: outcome.sharp_relaxed,
         cleanup,

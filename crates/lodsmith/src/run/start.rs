@@ -110,8 +110,8 @@ impl Run<'_, '_> {
         }
         // The search for an error runs several times from the same start, and a chain needs the input at
         // each level.
-        let again = step.is_some() || !goals.is_empty() || recorded;
-        let is_kept = self.ordered.faces.len() <= INPUT_COPY_MAX_FACES || again;
+        let is_needed_again = step.is_some() || !goals.is_empty() || recorded;
+        let is_kept = self.ordered.faces.len() <= INPUT_COPY_MAX_FACES || is_needed_again;
         let (points, faces) = if is_kept {
             (Cow::Borrowed(&self.ordered.points[..]), self.ordered.faces.clone())
         } else {
