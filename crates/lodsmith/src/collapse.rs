@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! order the input along a Morton curve                     (order)
-//! give each vertex its quadric and its kind                (kind, metric)
-//! loop                                                     (sweeps, this file)
+//! give each vertex its quadric and its kind                (star_data, kind)
+//! loop                                                     (sweeps)
 //!     tau = a quantile of the bounds                       (bound)
 //!     contract pairs that cost at most tau, where wanted   (pairs, near, bundle)
-//!     for each vertex u with bound[u] <= tau, in order
-//!         evaluate the edges that u owns
+//!     for each vertex u with bound[u] <= tau, in order     (visit)
+//!         evaluate the edges that u owns                   (evaluate)
 //!         the cheapest: link condition, guards, exact cost (link_condition, commit)
 //!         collapse it if it costs at most tau; bound[u] = least cost that remains
 //!     compact when much is dead                            (store)
