@@ -1,13 +1,13 @@
 //! One call of the library, from its input to its result, in six steps.
 //!
 //! ```text
-//! complete  extend known attributes where values are missing            `missing`
-//! prepare   add temporary normals, leave out flat ones, remove small parts,
-//!           join near vertices                                            `FlatShading`, `Prepared`
-//! sheets    leave out the backs of two-sided sheets, and start again      `TwoSidedInput`
-//! plan      the pass of the method, and looser options while needed       `pass_of`, `Escalation`
-//! run       order, collapse or rebuild, fit, measure                      `run`, `methods`
-//! finish    remove temporary normals, report what the preparation did     `Prepared::finish`
+//! complete  extend known attributes where values are missing                                  `missing`
+//! repeat    with looser options, while requested and needed                                   `Attempts`
+//!     prepare   add temporary normals, leave out flat ones,                                   `FlatShading`,
+//!               remove small parts, join near vertices                                        `Prepared`
+//!     sheets    of two-sided sheets: take these four steps on the fronts, then add the backs  `TwoSidedInput`
+//!     run       order, collapse or rebuild, fit, measure                                      `run`, `methods`
+//!     finish    remove temporary normals, add flat ones, report what was prepared             `Prepared`
 //! ```
 
 pub(crate) mod borders;

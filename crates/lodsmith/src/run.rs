@@ -1,5 +1,18 @@
-//! Runs of the methods that collapse edges, from a prepared input to a result with its report: order, collapse,
-//! fit, measure.
+//! Runs of all methods but clustering, from a prepared input to a result with its report.
+//!
+//! ```text
+//! order the input                                                                  (this file, collapse/order)
+//! make passes until the stop of the options is met
+//!     a count    one pass; if it contracted pairs, one without them too            (this file)
+//!     an error   passes to several counts, or with several step limits             (within, level_search, copies)
+//!     a chain    a pass to each level, with a common start                         (chain)
+//! measure the result, and report                                                   (report)
+//!
+//! a pass is a run of the engine, or `methods::rebuild` for methods that build a new surface
+//!     topology relaxed   several runs compete where parts, handles or seams block  (relaxed, closest)
+//!     otherwise          a second run competes where seams block                   (this file)
+//! a run of the engine: start, sweep, fit, build the mesh                           (trunk, start, result)
+//! ```
 
 mod chain;
 mod closest;

@@ -64,11 +64,12 @@ pub(crate) type Done = (Simplified, HeldWedges);
 /// Outcome of a run, its distance from the input, and true if an error limit ended it.
 pub(super) type Finished = (RunOutcome, Deviation, bool);
 
-/// Function that runs to a goal. The second argument is the largest distance that a step may leave, in user
-/// units, if the error is searched for.
+/// Function that runs to a goal. The number is the largest distance that one step may leave, in user units,
+/// for methods whose error is limited by their steps.
 pub(crate) type Pass =
     fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
 
+/// An input with its order, options, goal and constraints, and the pass of the method.
 pub(crate) struct Run<'a, 'b> {
     pub(crate) input: &'a Input<'b>,
     pub(crate) options: &'a SimplifyOptions,
@@ -95,6 +96,7 @@ impl<'a, 'b> Run<'a, 'b> {
 }
 
 impl Run<'_, '_> {
+    /// Runs the pass of the method to a goal.
     pub(super) fn run_pass(
         &mut self,
         goal: Goal,
