@@ -55,7 +55,7 @@ pub struct Outputs<'a> {
 /// a format, and for more than one use of a standard stream.
 pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
     paths::at_most_one_stream(outputs.inputs)?;
-    let job = |source: &Source, sink: Sink| {
+    let assigned = |source: &Source, sink: Sink| {
         // (Only commands with several inputs have a template.)
         let hint = if outputs.name.is_empty() { "" } else { ": use -O to write into it" };
         paths::refuse_folder(&sink, hint)?;
@@ -63,7 +63,7 @@ pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
         let output = Destination { sink, format, writing: outputs.writing, dry_run: outputs.dry_run };
         Ok(Assignment { source: source.clone(), output: Some(output) })
     };
-    let jobs = match (outputs.output, outputs.out_dir) {
+    let assignments = match (outputs.output, outputs.out_dir) {
         (Some(_), Some(_)) => return Err(usage("an output or a folder for outputs is expected, not both")),
         (Some(_), _) if outputs.inputs.len() > 1 => {
             return Err(usage("several inputs cannot share one output: use a folder (-O)"));
@@ -74,26 +74,26 @@ pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
                     "standard output cannot have both the mesh and --json: write the mesh to a file",
                 ));
             }
-            vec![job(&outputs.inputs[0], sink.clone())?]
+            vec![assigned(&outputs.inputs[0], sink.clone())?]
         }
         (None, Some(folder)) => {
             if folder.exists() && !folder.is_dir() {
                 return Err(usage(format!("{}: is not a folder", folder.display())));
             }
-            let job = |source| job(source, Sink::Path(folder.join(name(source, outputs)?)));
-            outputs.inputs.iter().map(job).collect::<Result<_, AssetError>>()?
+            let in_folder = |source| assigned(source, Sink::Path(folder.join(name(source, outputs)?)));
+            outputs.inputs.iter().map(in_folder).collect::<Result<_, AssetError>>()?
         }
         (None, None) => {
             outputs.inputs.iter().map(|s| Assignment { source: s.clone(), output: None }).collect()
         }
     };
-    for job in &jobs {
-        if let Some(to) = &job.output {
-            paths::refuse_inputs(&to.sink, [&job.source], outputs.writing.force || outputs.dry_run)?;
+    for Assignment { source, output } in &assignments {
+        if let Some(to) = output {
+            paths::refuse_inputs(&to.sink, [source], outputs.writing.force || outputs.dry_run)?;
         }
     }
-    check_collisions(&jobs)?;
-    Ok(jobs)
+    check_collisions(&assignments)?;
+    Ok(assignments)
 }
 
 /// Returns the file name of a result by the template.
@@ -121,27 +121,27 @@ fn name(source: &Source, outputs: &Outputs<'_>) -> Result<String, AssetError> {
 
 /// Returns an error if two results have the same path, or if a result would overwrite another input: the outcome
 /// would depend on the order.
-fn check_collisions(jobs: &[Assignment]) -> Result<(), AssetError> {
+fn check_collisions(assignments: &[Assignment]) -> Result<(), AssetError> {
     let mut inputs: HashMap<PathBuf, usize> = HashMap::new();
-    for (i, job) in jobs.iter().enumerate() {
-        if let Source::Path(path) = &job.source {
+    for (i, assigned) in assignments.iter().enumerate() {
+        if let Source::Path(path) = &assigned.source {
             inputs.insert(identity(path), i);
         }
     }
     let mut outputs: HashMap<PathBuf, usize> = HashMap::new();
-    for (i, job) in jobs.iter().enumerate() {
-        let Some(Destination { sink: Sink::Path(path), .. }) = &job.output else { continue };
+    for (i, assigned) in assignments.iter().enumerate() {
+        let Some(Destination { sink: Sink::Path(path), .. }) = &assigned.output else { continue };
         let output = identity(path);
         if let Some(&other) = inputs.get(&output)
             && other != i
         {
-            let (own, other) = (&job.source, &jobs[other].source);
+            let (own, other) = (&assigned.source, &assignments[other].source);
             return Err(usage(format!(
                 "the result of {own} would overwrite the input {other}: use another --name"
             )));
         }
         if let Some(other) = outputs.insert(output, i) {
-            let (a, b) = (&jobs[other].source, &job.source);
+            let (a, b) = (&assignments[other].source, &assigned.source);
             let path = path.display();
             return Err(usage(format!(
                 "the results of {a} and {b} would have the same path {path}: use another --name or -O"

@@ -94,8 +94,9 @@ impl Request {
         out_dir: Option<&Path>,
         watch: &mut dyn Watch,
     ) -> Result<Answer, AssetError> {
-        let has_partial_result = matches!(self.verb, Verb::Simplify | Verb::Lod | Verb::Bake);
-        if self.options.time_limit.is_some() && !has_partial_result {
+        // (Baking has no partial result, but it ends in time.)
+        let ends_in_time = matches!(self.verb, Verb::Simplify | Verb::Lod | Verb::Bake);
+        if self.options.time_limit.is_some() && !ends_in_time {
             return Err(usage(format!("--time-limit: {} has no partial result", self.verb.name())));
         }
         let Some(source) = inputs.last() else { return Err(usage("an input is needed")) };

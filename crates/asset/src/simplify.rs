@@ -13,8 +13,7 @@ use crate::error::{AssetError, usage};
 use crate::job::{Job, StageClock, Step};
 use crate::normals::Normals;
 use crate::paths::{Sink, Source};
-use crate::report_json;
-use crate::report_json::{mesh_json, seconds};
+use crate::report_json::{self, mesh_json, seconds};
 use crate::sizes::WriteOutcome;
 use crate::warnings::{not_reached, starved, texts, warnings_of};
 
@@ -86,16 +85,16 @@ impl Recipe {
         let (data, mut warnings) =
             asset.prepare(&self.names, self.vertices.as_ref(), becomes_scene, to, &self.options)?;
         job.check_memory("simplify", asset.need(&self.options, &data))?;
-        let mut made = asset.simplify(&self.options, &data, job)?;
-        let results = made.meshes.iter().flatten();
-        let not_reached = not_reached(&made.report, &self.options, job.time_limit(), results);
-        for mesh in made.meshes.iter_mut().flatten() {
+        let mut simplified = asset.simplify(&self.options, &data, job)?;
+        let results = simplified.meshes.iter().flatten();
+        let not_reached = not_reached(&simplified.report, &self.options, job.time_limit(), results);
+        for mesh in simplified.meshes.iter_mut().flatten() {
             self.normals.apply(mesh);
         }
-        warnings.extend(warnings_of(&made.report));
-        let counts: Vec<MeshCounts> = made.counts.iter().map(|(_, counts)| *counts).collect();
+        warnings.extend(warnings_of(&simplified.report));
+        let counts: Vec<MeshCounts> = simplified.counts.iter().map(|(_, counts)| *counts).collect();
         warnings.extend(starved(&counts));
-        let mut edit = Edit { meshes: made.meshes, ..Edit::default() };
+        let mut edit = Edit { meshes: simplified.meshes, ..Edit::default() };
         let baked = match (&self.baking, asset.scene()) {
             (Some(baking), Some(scene)) => {
                 job.enter(Step::Bake);
@@ -106,8 +105,8 @@ impl Recipe {
             _ => None,
         };
         let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
-        let meshes = made.counts.into_iter().map(name).collect();
-        Ok(Made { asset, edit, report: made.report, meshes, not_reached, warnings, baked })
+        let meshes = simplified.counts.into_iter().map(name).collect();
+        Ok(Made { asset, edit, report: simplified.report, meshes, not_reached, warnings, baked })
     }
 }
 
