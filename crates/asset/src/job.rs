@@ -130,6 +130,7 @@ pub struct Job<'w> {
     has_stages: bool,
     time_limit: Option<f64>,
     deadline: Option<Instant>,
+    /// Memory limit of a step, in bytes.
     memory: u64,
     is_cancelled: bool,
 }

@@ -3,8 +3,7 @@
 //! A file of any format is an [`Asset`], the instructions for a job are plain data ([`Recipe`]), and its result is an
 //! [`Outcome`]. The command, the window and the packages for other languages all call this crate, which prints nothing
 //! and knows neither arguments nor screens. The jobs are [`simplify()`], [`lod()`], [`clean()`], [`convert()`],
-//! [`bake()`] and
-//! [`info()`]; they read files and write files.
+//! [`bake()`] and [`info()`]; they read files and write files. [`request`] does them with options by name.
 //!
 //! ```
 //! use lodsmith::{NoControl, SimplifyOptions, Stop};

@@ -1,4 +1,4 @@
-//! Warnings of files and of runs, and reasons why a target was not reached.
+//! Warnings of files and of runs, reasons why a target was not reached, and the spelling of options in them.
 
 use lodsmith::{MeshCounts, Report, SimplifyOptions, Starved};
 use lodsmith_core::TriMesh;

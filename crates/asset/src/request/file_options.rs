@@ -1,4 +1,4 @@
-//! The options of jobs on files by name: the options of the engine, and the options of files.
+//! The options of jobs on files by name: those of the engine, and all others (reading, writing, baking, limits).
 
 mod entry;
 mod given;
@@ -29,7 +29,7 @@ const TABLES: &[&[FileOption]] = &[
 pub enum JobOption {
     /// An option of the engine.
     Engine(&'static NamedOption),
-    /// Another option.
+    /// Any other option.
     File(&'static FileOption),
 }
 

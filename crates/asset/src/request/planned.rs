@@ -1,4 +1,4 @@
-//! A request with checked options and outputs, and its results.
+//! A job whose options are checked and whose outputs are assigned, and its results.
 
 use std::path::Path;
 use std::slice;
@@ -44,6 +44,7 @@ pub struct Places<'a> {
 #[derive(Debug)]
 pub struct PlannedJob<'r> {
     options: &'r FileOptions,
+    /// Memory limit of a step, in bytes.
     memory: u64,
     work: Work,
     /// The inputs with their outputs.

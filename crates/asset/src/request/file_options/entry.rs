@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use super::given::FileOptions;
 use crate::request::verb::Verb;
 
-/// An option of jobs on files: its name, its values, and the function that sets it.
+/// An option of jobs on files that is not one of the engine: its name, its values, and the function that sets it.
 #[derive(Clone, Copy, Debug)]
 pub struct FileOption {
     /// Name on the command line, words joined by dashes: `max-memory`.
@@ -32,7 +32,7 @@ pub struct FileOption {
 /// Sets a single value. The error names the permitted values.
 pub(super) type Set = fn(&mut FileOptions, &OsStr) -> Result<(), String>;
 
-/// The kind of values of an option of files. The function that sets an option checks the range.
+/// The kind of values of a [`FileOption`]. The function that sets an option checks the range.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum FileKind {

@@ -1,4 +1,4 @@
-//! The given options of a job.
+//! The values of the options of a job: those that were given, and defaults.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,8 @@ use crate::normals::Normals;
 use crate::picture::PictureRecipe;
 use crate::values::LEVEL_FACTOR;
 
-/// The options of a job on files; each is a field or a part of one.
+/// The values of all options of a job on files: those of the engine by name, each of the others as a field or a part of
+/// one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileOptions {
     /// Options of the engine by name.
