@@ -1,4 +1,4 @@
-//! One module for each subcommand.
+//! The subcommands: jobs on files are done in `job`, and others in a module of their own.
 
 mod clean;
 mod compare;

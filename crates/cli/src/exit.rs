@@ -1,4 +1,4 @@
-//! The end of a run: interrupts, time limits, and panics as errors.
+//! The end of the process: interrupts, time limits, and panics as errors.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
