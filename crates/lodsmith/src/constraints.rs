@@ -1,4 +1,4 @@
-//! Locked vertices and importance.
+//! Locked vertices and importance: their checks, and the wedges of locked vertices, which a result keeps.
 
 use std::collections::HashMap;
 

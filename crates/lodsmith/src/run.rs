@@ -173,7 +173,7 @@ impl Run<'_, '_> {
         self.pass_with_copies(metric, goal, step, &mut Copies::none(), control)
     }
 
-    /// Runs one pass of several that share snapshots.
+    /// Runs one pass of several that share copies of the engine.
     fn pass_with_copies<M: Metric>(
         &mut self,
         metric: M,
@@ -199,7 +199,7 @@ impl Run<'_, '_> {
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
-    /// Sweeps from the start to a goal, without snapshots.
+    /// Sweeps from the start to a goal, without a pause.
     fn run_from_start<M: Metric>(
         &mut self,
         metric: M,

@@ -25,6 +25,7 @@ const NEARLY_REACHED_FACTOR: f64 = 1.15;
 const NO_CHANGES: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
 
 impl Run<'_, '_> {
+    /// Returns the best of the competing outcomes for a goal; if it is out of reach, perhaps a heavier one.
     pub(super) fn relaxed<M: Metric>(
         &mut self,
         metric: M,
