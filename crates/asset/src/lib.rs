@@ -1,9 +1,10 @@
 //! Files as values: read, simplified, baked, compressed and written, with one report.
 //!
-//! A file of any format is an [`Asset`], the instructions for a job are plain data ([`Recipe`]), and its result is an
-//! [`Outcome`]. The command, the window and the packages for other languages all call this crate, which prints nothing
-//! and knows neither arguments nor screens. The jobs are [`simplify()`], [`lod()`], [`clean()`], [`convert()`],
-//! [`bake()`] and [`info()`]; they read files and write files. [`request`] does them with options by name.
+//! A file of any format is an [`Asset`], the instructions for a job are plain data, such as a [`Recipe`], and its result
+//! is a value, such as an [`Outcome`]. The command, the viewer and the packages for other languages all call this crate,
+//! which prints nothing and knows neither arguments nor screens. The jobs are [`simplify()`], [`lod()`], [`clean()`],
+//! [`convert()`], [`bake()`] and [`info()`], and with the feature `pictures` also `picture::render`. They read files and
+//! write files; [`request`] does them by name.
 //!
 //! ```
 //! use lodsmith::{NoControl, SimplifyOptions, Stop};

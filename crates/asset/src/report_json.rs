@@ -1,4 +1,4 @@
-//! Parts of JSON reports that several jobs share.
+//! JSON reports: the report of a run, and parts that the reports of several jobs share.
 
 use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionGroup, OptionValue, length_text};
 use lodsmith::{Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};

@@ -1,4 +1,5 @@
-//! The subcommands: jobs on files are done in `job`, and others in a module of their own.
+//! The subcommands. `job` does all jobs on files, whose results `simplify`, `lod`, `clean` and `info` print; each other
+//! subcommand has a module.
 
 mod clean;
 mod compare;

@@ -1,4 +1,4 @@
-//! Reading and writing without a job of `lodsmith_asset`: meshes to measure, progressive meshes, images.
+//! Reading and writing for commands that are no jobs on files: meshes to measure, progressive meshes, images.
 
 use std::fs;
 use std::io::{self, ErrorKind};

@@ -1,7 +1,7 @@
 //! The command `lodsmith`: parses arguments, calls the libraries, prints the results.
 //!
-//! [`args`] defines the arguments, [`command`] has the subcommands, [`output`] does all printing, [`status`]
-//! defines exit statuses, [`exit`] handles interrupts. Simplification and file formats are in the libraries.
+//! [`args`] defines the arguments, [`command`] has the subcommands, [`output`] does all printing, [`status`] defines
+//! exit statuses, [`exit`] handles interrupts. Simplification, file formats and jobs on files are in the libraries.
 
 mod args;
 mod command;

@@ -1,4 +1,4 @@
-//! Text of `lodsmith clean`.
+//! Text that `lodsmith clean` prints.
 
 use lodsmith_asset::{CleanOutcome, clean_counts};
 

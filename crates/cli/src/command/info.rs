@@ -1,4 +1,4 @@
-//! Text of `lodsmith info`.
+//! Text that `lodsmith info` prints.
 
 use lodsmith_asset::Info;
 

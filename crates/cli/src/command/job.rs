@@ -23,7 +23,7 @@ use crate::status::{Interrupted, Status};
 pub(super) fn run(args: &JobArgs<'_>) -> anyhow::Result<Status> {
     let request = args.request()?;
     let job = request.plan(&args.places())?;
-    // (The job of levels creates its folder itself.)
+    // (The plan of levels has created its folder.)
     if let (Some(folder), false, true) = (args.out_dir, args.options.dry_run, args.verb != Verb::Lod) {
         fs::create_dir_all(folder)
             .with_context(|| format!("{}: cannot create the folder", folder.display()))?;

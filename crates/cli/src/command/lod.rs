@@ -1,4 +1,4 @@
-//! Text of `lodsmith lod`.
+//! Text that `lodsmith lod` prints.
 
 use lodsmith_asset::LodOutcome;
 

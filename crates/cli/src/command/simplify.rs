@@ -1,4 +1,4 @@
-//! Text of `lodsmith simplify`.
+//! Text that `lodsmith simplify` prints.
 
 use lodsmith_asset::Outcome;
 use lodsmith_asset::report_json::cleanup;

@@ -389,7 +389,7 @@ impl Scene {
     pub fn joined(&self, replaced: &[Option<TriMesh>]) -> Result<Loaded, ReadError> {
         let parts = self.parts(&self.json, replaced, Format::Glb.into(), &|_| None);
         let parts = parts.map_err(|e| ReadError::file(e.to_string()))?;
-        // How often meshes may be placed depends on the size of the file.
+        // How often meshes may be placed depends on the size of the file; the text only serves to determine it.
         let text = serde_json::to_vec(&parts.json).map_err(io::Error::from)?;
         let size = text.len() + parts.bytes.len();
         let built = BuiltScene { parts, format: Format::Glb, source_vertices: BTreeMap::new() };
