@@ -495,8 +495,8 @@ fn write_scene(
     to: &Destination,
     job: &mut Job<'_>,
 ) -> Result<WriteOutcome, AssetError> {
-    let images = FolderMove::new(source, &to.sink);
-    let mut warnings = images.embed(&mut scene, to.format, to.writing.textures);
+    let folder_move = FolderMove::new(source, &to.sink);
+    let mut warnings = folder_move.embed(&mut scene, to.format, to.writing.textures);
     if is_baked && !matches!(to.format, Format::Gltf | Format::Glb) {
         // Other formats have no tangents; viewers compute the same tangents.
         for mesh in replaced.iter_mut() {
@@ -504,7 +504,7 @@ fn write_scene(
         }
     }
     let mut written = if to.format.keeps_scenes() {
-        to.write_scene(&scene, &replaced, &|uri| images.uri(uri), job)?
+        to.write_scene(&scene, &replaced, &|uri| folder_move.uri(uri), job)?
     } else {
         let joined = scene.joined(&replaced)?;
         warnings.extend(joined.warnings);

@@ -223,8 +223,8 @@ impl ChainWriter<'_> {
         match (&self.outputs.first, &mut self.scene) {
             (None, _) => Ok(Vec::new()),
             (Some(to), Some(scene)) if self.outputs.folder.is_none() => {
-                let images = FolderMove::new(&self.outputs.source, &to.sink);
-                let warnings = images.embed(scene, to.format, to.writing.textures);
+                let folder_move = FolderMove::new(&self.outputs.source, &to.sink);
+                let warnings = folder_move.embed(scene, to.format, to.writing.textures);
                 let naming = self.recipe.naming;
                 let mut levels = SceneLevels::new(std::mem::take(&mut self.meshes));
                 levels.separator = naming.mark().to_owned();
@@ -233,7 +233,7 @@ impl ChainWriter<'_> {
                 levels.default_name = name_of_input(&self.outputs.source, &to.sink);
                 let baked = self.baked.take().unwrap_or_default();
                 levels.materials = baked.materials;
-                let mut made = to.write_levels(scene, &levels, &|uri| images.uri(uri), job)?;
+                let mut made = to.write_levels(scene, &levels, &|uri| folder_move.uri(uri), job)?;
                 made.warnings.splice(0..0, warnings);
                 if self.has_color_map() {
                     drop_color_warnings(&mut made.warnings);

@@ -171,10 +171,10 @@ impl Edit<'_> {
 
     /// Releases the accessors of a primitive: references become null until a piece replaces them.
     fn release(&mut self, mesh: usize, primitive: usize) {
-        let Self { json, released: let_go, .. } = self;
+        let Self { json, released, .. } = self;
         let primitive = &mut json["meshes"][mesh]["primitives"][primitive];
         let mut empty = |value: &mut Value| {
-            let_go.extend(number(value));
+            released.extend(number(value));
             *value = Value::Null;
         };
         if let Some(indices) = primitive.get_mut("indices") {
@@ -193,7 +193,7 @@ impl Edit<'_> {
         if let Some(taken) = take_extension(primitive, VERTEX_EXTENSION) {
             self.warnings
                 .push(Warning::lost(format!("the {VERTEX_EXTENSION} of meshes[{mesh}] is left out")));
-            let_go.extend(number(&taken["indices"]));
+            released.extend(number(&taken["indices"]));
         }
         let unknown = primitive["extensions"].as_object().into_iter().flat_map(|e| e.keys());
         for extension in unknown.filter(|e| !VERTEX_INDEPENDENT_EXTENSIONS.contains(&e.as_str())) {
