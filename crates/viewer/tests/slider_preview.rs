@@ -113,8 +113,9 @@ fn the_progressive_mesh_uses_the_options_of_the_method() {
     document.run(Command::Method(Box::new(how.clone())));
     assert!(document.settle(TIMEOUT));
     assert!(!document.has_preview());
-    let told = document.log.entries().iter().any(|l| l.text.contains("planar") && l.text.contains("slider"));
-    assert!(told, "nothing says that the slider does not follow");
+    let is_noted =
+        document.log.entries().iter().any(|l| l.text.contains("planar") && l.text.contains("slider"));
+    assert!(is_noted, "nothing says that the slider does not follow");
     how.options.method = MethodKind::Quadric.into();
     document.run(Command::Method(Box::new(how.clone())));
     assert!(!document.has_preview(), "that of another method");

@@ -68,8 +68,8 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     for (name, count) in counts.into_iter().filter(|x| x.1 > usize::from(x.0 == "Meshes")) {
         widgets::value_row(ui, name, grouped(count));
     }
-    if let Some(anatomy) = one.filter(|a| !a.attributes.is_empty()) {
-        widgets::value_row(ui, "Vertex attributes", anatomy.attributes.join(", "));
+    if let Some(summary) = one.filter(|a| !a.attributes.is_empty()) {
+        widgets::value_row(ui, "Vertex attributes", summary.attributes.join(", "));
     }
 
     if let Some(stage) = document.stage() {
