@@ -12,7 +12,6 @@ use pyo3::types::PyDict;
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, mesh_error};
-
 use crate::json::to_python;
 use crate::report;
 use crate::run::RunKeywords;

@@ -3,9 +3,8 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use lodsmith_io::Textures;
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, Warning};
+use lodsmith_io::{Format, Textures, Warning};
 
 use crate::paths::{Sink, Source};
 

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use lodsmith::{MethodKind, SimplifyOptions};
+use lodsmith_asset::Source;
 
 use super::table::{TARGET, Target, Writing};
 use super::{Reading, Run, choice};
-use lodsmith_asset::Source;
 
 const AFTER: &str = "\
 The table shows for each method: faces of the result; time (without reading and measuring); mean, RMS and largest \

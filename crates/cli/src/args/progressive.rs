@@ -2,13 +2,13 @@
 
 use clap::{Args, Subcommand};
 use lodsmith::{SimplifyOptions, Stop};
+use lodsmith_asset::{AssetError, Sink, Source};
 use lodsmith_io::Textures;
 use lodsmith_io::lpm::{LpmOptions, MAX_BITS, MIN_BITS};
 use serde_json::Value;
 
 use super::table::{Engine, Options, Target, Writing};
 use super::{Reading, Run, choice};
-use lodsmith_asset::{AssetError, Sink, Source};
 
 const AFTER_BUILD: &str = "\
 The file has the base mesh and every vertex split that leads back to the input. Without --bits, the input is restored

@@ -12,6 +12,10 @@ use lodsmith::core::measure::{
 };
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{Image, TriMesh, VertexId};
+use lodsmith_asset::memory_need::{self, Size};
+use lodsmith_asset::report_json::both_ways;
+use lodsmith_asset::warnings::viewing_warnings;
+use lodsmith_asset::{Sink, paths, picture};
 use lodsmith_io::{Format, Loaded, Warning, WriteOptions};
 use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
@@ -26,11 +30,6 @@ use crate::output::Output;
 use crate::progress::Progress;
 use crate::status::{Status, usage};
 use crate::warnings::show_warnings;
-use lodsmith_asset::memory_need;
-use lodsmith_asset::memory_need::Size;
-use lodsmith_asset::report_json::both_ways;
-use lodsmith_asset::warnings::viewing_warnings;
-use lodsmith_asset::{Sink, paths, picture};
 
 /// Measures, and writes the heat map if requested.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {

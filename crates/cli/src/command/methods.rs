@@ -9,6 +9,10 @@ use lodsmith::core::mesh::creases::Creases;
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
 use lodsmith::{MethodKind, Report, Simplified, Stage};
+use lodsmith_asset::plan::{self, Outputs};
+use lodsmith_asset::report_json::measured_json;
+use lodsmith_asset::warnings::{refusals, texts};
+use lodsmith_asset::{Destination, Job, Sink, StageClock, Step, memory_need, orient, paths, picture};
 use lodsmith_io::{Format, Loaded, Warning};
 use lodsmith_render::{Background, Camera, Panel, Subject, View, render, sheet};
 use serde_json::{Value, json};
@@ -25,14 +29,6 @@ use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
 use crate::warnings::show_warnings;
-use lodsmith_asset::memory_need;
-use lodsmith_asset::orient;
-use lodsmith_asset::plan::{self, Outputs};
-use lodsmith_asset::report_json::measured_json;
-use lodsmith_asset::warnings::{refusals, texts};
-use lodsmith_asset::{Destination, picture};
-use lodsmith_asset::{Job, StageClock, Step};
-use lodsmith_asset::{Sink, paths};
 
 /// Runs all methods in sequence and prints the table.
 pub(super) fn run(args: &MethodsArgs) -> anyhow::Result<Status> {

@@ -4,6 +4,10 @@ use std::time::Instant;
 
 use lodsmith::core::Splits;
 use lodsmith::{Control, Input, Progressive};
+use lodsmith_asset::memory_need::{self, Size};
+use lodsmith_asset::report_json::measured_json;
+use lodsmith_asset::warnings::texts;
+use lodsmith_asset::{Destination, Job, Sink, Step, constraints, orient, paths};
 use lodsmith_io::lpm::LpmSizes;
 use lodsmith_io::{Format, Warning};
 use serde_json::{Map, Value, json};
@@ -17,13 +21,6 @@ use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Status, usage};
 use crate::warnings::{show_not_reached, show_warnings};
 use crate::{in_order, memory};
-use lodsmith_asset::memory_need::Size;
-use lodsmith_asset::orient;
-use lodsmith_asset::report_json::measured_json;
-use lodsmith_asset::warnings::texts;
-use lodsmith_asset::{Destination, Job, Step};
-use lodsmith_asset::{Sink, paths};
-use lodsmith_asset::{constraints, memory_need};
 
 /// Runs the subcommand.
 pub(super) fn run(action: &args::Progressive) -> anyhow::Result<Status> {

@@ -4,6 +4,9 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::{Image, Model};
+use lodsmith_asset::memory_need::{self, Size};
+use lodsmith_asset::picture::picture_format;
+use lodsmith_asset::{Sink, Source};
 use lodsmith_io::{Format, Loaded, ModelFile, read_model_path};
 use lodsmith_render::image_error::{ImageError, cameras, image_error};
 use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
@@ -13,10 +16,6 @@ use crate::args::{CompareArgs, Reading};
 use crate::numbers::{micros, significant};
 use crate::status::usage;
 use crate::{file, memory};
-use lodsmith_asset::memory_need;
-use lodsmith_asset::memory_need::Size;
-use lodsmith_asset::picture::picture_format;
-use lodsmith_asset::{Sink, Source};
 
 /// Result of the comparison.
 pub(super) struct ViewComparison {
