@@ -56,7 +56,7 @@ pub struct Outputs<'a> {
 pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
     paths::at_most_one_stream(outputs.inputs)?;
     let assigned = |source: &Source, sink: Sink| {
-        // (Only commands with several inputs have a template.)
+        // (Only jobs that can write to a folder have a template.)
         let hint = if outputs.name.is_empty() { "" } else { ": use -O to write into it" };
         paths::refuse_folder(&sink, hint)?;
         let format = paths::format_of(&sink, outputs.to)?;

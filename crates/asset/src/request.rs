@@ -73,7 +73,7 @@ impl Request {
         self.options.threads
     }
 
-    /// Checks the options and assigns outputs to the inputs, before any work.
+    /// Checks the options and assigns outputs to the inputs, before any work. Creates the folder of levels.
     ///
     /// # Errors
     /// [`AssetError::Usage`], [`AssetError::Simplify`] for options and outputs that exclude each other,

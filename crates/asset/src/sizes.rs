@@ -20,7 +20,8 @@ pub struct WriteOutcome {
 }
 
 impl WriteOutcome {
-    /// Returns the outcome of writing to a sink; `of_mesh` are the sizes of the written mesh.
+    /// Returns the outcome of writing to a sink; `of_mesh` are the sizes of the written mesh. Sizes of a glTF file are
+    /// read from the file.
     pub(crate) fn new(
         written: lodsmith_io::gltf::Written,
         sink: Option<&Sink>,
@@ -45,7 +46,8 @@ fn merged(of_file: Option<Sizes>, of_mesh: Option<Sizes>) -> Option<Sizes> {
     }
 }
 
-/// Returns the sizes of an input; `read` are the sizes of the model that was read from it.
+/// Returns the sizes of an input; `read` are the sizes of the model that was read from it. Sizes of a glTF file are
+/// read from the file, for the images beside it.
 pub fn of_input(source: &Source, reading: &ReadOptions, read: Option<Sizes>) -> Option<Sizes> {
     let of_file = match source {
         Source::Path(path) => lodsmith_io::sizes_of_path(path, reading),

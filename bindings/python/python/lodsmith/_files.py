@@ -16,6 +16,8 @@ Path = Union[str, "os.PathLike[str]"]
 
 
 class _Writing:
+    """Keywords of writing a mesh, whose attributes the extension module reads."""
+
     def __init__(
         self,
         to: Optional[str],

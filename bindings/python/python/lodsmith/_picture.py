@@ -63,7 +63,8 @@ def render(
     Parameters
     ----------
     mesh : array of shape (n, 3) and an array of triangles, a mesh, or a path
-        A file is rendered with its materials and images, like ``lodsmith render`` and with its options.
+        A file is rendered with its materials and images, like ``lodsmith render`` and with its options. The picture is
+        returned; :meth:`Picture.save` writes it.
     size : (int, int)
         Width and height in pixels.
     view : str

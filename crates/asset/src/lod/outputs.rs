@@ -64,10 +64,10 @@ pub struct LevelOutputs {
 }
 
 impl LevelOutputs {
-    /// Plans the outputs. `template` names the files in a folder; without it, the style does.
+    /// Plans the outputs, and creates their folder. `template` names the files in a folder; without it, the style does.
     ///
     /// # Errors
-    /// [`AssetError::Usage`].
+    /// [`AssetError::Usage`], [`AssetError::Folder`].
     pub fn new(outputs: &Outputs<'_>, template: Option<&str>, naming: Naming) -> Result<Self, AssetError> {
         if template.is_some() && outputs.out_dir.is_none() {
             return Err(usage("--name needs a folder for the levels"));
@@ -128,7 +128,8 @@ pub(super) struct LevelFolder {
 }
 
 impl LevelFolder {
-    /// Makes the template for all levels from the output of level 0. An error if the template cannot name them all.
+    /// Makes the template for all levels from the output of level 0, and creates the folder unless nothing is written.
+    /// An error if the template cannot name them all.
     fn new(folder: &Path, template: &str, first: &Destination) -> Result<Self, AssetError> {
         let path = match &first.sink {
             Sink::Path(path) => path.as_path(),
