@@ -263,3 +263,20 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn levels_within_a_distance_end_where_no_base_is_lighter() {
+    let mesh = shapes::torus(48, 24);
+    for limit in [0.1, 0.2, 0.4] {
+        for subdivisions in [1, 2] {
+            let mut options = remesh(Stop::error(Length::OfDiagonal(limit)));
+            options.method = on_surface(None, None, RemeshPattern::SemiRegular { subdivisions });
+            let done = simplify(&mesh, &options).unwrap();
+            let error = &done.report.error;
+            assert!(
+                done.report.reached && error.bound.unwrap() <= limit * error.diagonal,
+                "{limit} {subdivisions}"
+            );
+        }
+    }
+}

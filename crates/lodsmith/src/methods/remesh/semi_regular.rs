@@ -57,7 +57,7 @@ pub(super) fn make(
         return Ok(RebuiltSurface { end: Ending::Finish, ..made });
     }
     if made.faces.len() > wanted || finest > prepared.faces.len() {
-        return match task.step {
+        return match task.options.stop.error {
             // The search for an error tries other counts.
             Some(_) => Ok(RebuiltSurface { end: Ending::Stuck, ..made }),
             None => Err(SimplifyError::BadOption {
