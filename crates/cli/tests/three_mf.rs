@@ -49,6 +49,8 @@ fn a_scene_stays_one() {
     json(folder, &["convert", "a.3mf", "c.3mf", "--json"]);
     let bytes = |name: &str| std::fs::read(folder.join(name)).expect("the file is there");
     assert!(bytes("a.3mf") == bytes("c.3mf"));
+    // The first entry of the archive has a fixed time and date, 1 January 1980, and not those of the run.
+    assert_eq!(bytes("a.3mf")[10..14], [0, 0, 0x21, 0]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
 use zip::write::{SimpleFileOptions, StreamWriter};
-use zip::{CompressionMethod, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::assemblies::Assemblies;
 use super::document::{MeshObject, ModelPart};
@@ -177,6 +177,8 @@ fn start(zip: &mut Archive<'_>, name: &str, bytes: usize) -> io::Result<()> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(COMPRESSION))
+        // Not the time of the run: the same scene has the same bytes.
+        .last_modified_time(DateTime::default())
         // Sizes of 64 bits, where they may be needed.
         .large_file(bytes >= 1 << 31);
     Ok(zip.start_file(name, options)?)
