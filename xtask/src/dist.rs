@@ -1,6 +1,6 @@
 //! Files for distribution: the command, and the packages for other languages, all with the same version.
 //!
-//! The same sources and tools give the same bytes: files are sorted by name, and their time is `SOURCE_DATE_EPOCH`, or
+//! Archives are reproducible: files are sorted by name, and their time is `SOURCE_DATE_EPOCH`, or
 //! the time of the last commit.
 
 mod archive;

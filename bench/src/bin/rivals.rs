@@ -170,7 +170,7 @@ struct Clock {
     cpu: f64,
 }
 
-/// Whether times are processor times.
+/// True if [`Clock`] measures processor time, not wall time.
 static USE_CPU_TIME: OnceLock<bool> = OnceLock::new();
 
 impl Clock {

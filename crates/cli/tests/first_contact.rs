@@ -1,4 +1,4 @@
-//! What new users type, and errors that name a remedy. Regression tests.
+//! Regression tests of first contact: common first commands, and errors that say what to do.
 
 use std::fs;
 
