@@ -97,19 +97,35 @@ fn cargo() -> Command {
     command
 }
 
+/// Returns what Cargo says of the workspace.
+fn metadata() -> Result<Value> {
+    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
+    serde_json::from_slice(&out.stdout).context("cargo metadata")
+}
+
 /// Returns Cargo's target folder.
 fn target_folder() -> Result<PathBuf> {
-    let out = cargo().args(["metadata", "--no-deps", "--offline", "--format-version", "1"]).output()?;
-    let all: Value = serde_json::from_slice(&out.stdout).context("cargo metadata")?;
-    Ok(all["target_directory"].as_str().context("no target folder")?.into())
+    Ok(metadata()?["target_directory"].as_str().context("no target folder")?.into())
+}
+
+/// Returns the arguments that select the packages that Cargo takes by default, and one more: then all that they share
+/// has the features of the README's first command and is not built again.
+fn selected_with(package: &str) -> Result<Vec<String>> {
+    let all = metadata()?;
+    let members = all["workspace_default_members"].as_array().context("no default members")?;
+    let names = members.iter().filter_map(Value::as_str).chain([package]);
+    Ok(names.flat_map(|name| ["--package".into(), name.into()]).collect())
 }
 
 /// Builds the command with the release profile; returns its path.
 fn release_command() -> Result<PathBuf> {
-    let what =
-        ["build", "--quiet", "--release", "--locked", "--package", "lodsmith-cli", "--bin", "lodsmith"];
-    succeed(cargo().args(what))?;
-    Ok(target_folder()?.join("release").join(format!("lodsmith{}", std::env::consts::EXE_SUFFIX)))
+    release_binary("lodsmith", &[])
+}
+
+/// Builds a program of the selected packages with the release profile; returns its path.
+fn release_binary(name: &str, selected: &[String]) -> Result<PathBuf> {
+    succeed(cargo().args(["build", "--quiet", "--release", "--locked", "--bin", name]).args(selected))?;
+    Ok(target_folder()?.join("release").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }
 
 fn succeed(command: &mut Command) -> Result<()> {
@@ -136,8 +152,8 @@ fn bench(args: &[String]) -> Result<()> {
         _ => BENCHES.iter().find(|known| **known == which).map_or(&["rivals"], std::slice::from_ref),
     };
     for &name in names {
-        let mut command = cargo();
-        command.args(["run", "--quiet", "--release", "--package", "lodsmith-bench", "--bin", name, "--"]);
+        let mut command = Command::new(release_binary(name, &selected_with("lodsmith-bench")?)?);
+        command.current_dir(root());
         // With `all`, the options apply only to `rivals`.
         if which != "all" || name == "rivals" {
             command.args(rest.iter().map(|argument| absolute_path(argument)));
