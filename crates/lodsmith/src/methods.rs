@@ -27,7 +27,6 @@ use transfer::with_transferred_attributes;
 pub(crate) fn rebuild(
     run: &mut Run<'_, '_>,
     goal: Goal,
-    step: Option<f64>,
     control: &mut dyn Control,
 ) -> Result<RunOutcome, SimplifyError> {
     control.stage(Stage::Prepare);
@@ -38,7 +37,7 @@ pub(crate) fn rebuild(
         Verdict::Finish => return outcome(run, &prepared, untouched(&prepared)),
         Verdict::Cancel => return Err(SimplifyError::Cancelled),
     }
-    let step = step.map(|s| prepared.frame.unit_length(s));
+    let step = run.step.map(|s| prepared.frame.unit_length(s));
     let task = Task { input: &prepared, mesh: run.input.mesh, options: run.options, goal, step };
     let made = match run.options.method {
         Method::VertexRemoval { .. } => vertex_removal::make(&task, control)?,
@@ -196,7 +195,7 @@ mod tests {
     #[test]
     fn an_unchanged_surface_keeps_its_attributes() {
         let mesh = square();
-        let same = rebuilt(&mesh, |run, _, _, _| {
+        let same = rebuilt(&mesh, |run, _, _| {
             let prepared = prepared_input(run);
             let kept = (0..prepared.points.len()).map(VertexId::new).collect();
             let made = RebuiltSurface {
@@ -220,7 +219,7 @@ mod tests {
     fn new_faces_take_their_values_from_one_side() {
         // Four strips over the full height.
         let mesh = square();
-        let strips = rebuilt(&mesh, |run, _, _, _| {
+        let strips = rebuilt(&mesh, |run, _, _| {
             let prepared = prepared_input(run);
             let cuts = [0.0, 2.0, 4.0, 6.0, 8.0];
             let mut made = RebuiltSurface::default();
@@ -250,7 +249,7 @@ mod tests {
         }
         assert_eq!(strips.wedge_count(), 12, "vertices on the seam have two wedges");
 
-        let whole = rebuilt(&mesh, |run, _, _, _| {
+        let whole = rebuilt(&mesh, |run, _, _| {
             let prepared = prepared_input(run);
             let places = [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0]];
             let points = places.map(|p| prepared.frame.unit_from_user(p)).to_vec();

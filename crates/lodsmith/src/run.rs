@@ -53,7 +53,7 @@ pub(crate) use start::Started;
 
 /// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: MethodKind) -> Option<Pass> {
-    with_metric!(method, METRIC => |run, goal, step, control| run.one_pass(METRIC, goal, step, control))
+    with_metric!(method, METRIC => |run, goal, control| run.one_pass(METRIC, goal, &mut Copies::none(), control))
 }
 
 /// Runs a method that collapses edges on an input that needs no preparation.
@@ -134,24 +134,18 @@ pub(crate) fn ordered(input: &Input<'_>, control: &mut dyn Control) -> Result<Or
 impl Run<'_, '_> {
     /// Runs one pass to the goal, and measures it if requested.
     fn run_to_goal(mut self, control: &mut dyn Control) -> Result<Finished, SimplifyError> {
-        let mut outcome = self.run_pass(self.goal, None, control)?;
+        let mut outcome = self.run_pass(self.goal, control)?;
         if outcome.tally.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
             // Parts that were joined can no longer be removed one by one, so the target may be harder to
             // reach.
             let mut options = self.options.clone();
             options.method = options.method.with_pairs(None);
             let (input, goal, constraints) = (self.input, self.goal, self.constraints);
-            let (pass, is_traced) = (self.pass, self.is_traced);
-            let mut other = Run {
-                input,
-                options: &options,
-                ordered: &mut *self.ordered,
-                goal,
-                constraints,
-                pass,
-                is_traced,
-            };
-            let without = other.run_pass(goal, None, control)?;
+            let (pass, step, is_traced) = (self.pass, self.step, self.is_traced);
+            let ordered = &mut *self.ordered;
+            let mut other =
+                Run { input, options: &options, ordered, goal, constraints, pass, step, is_traced };
+            let without = other.run_pass(goal, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control);
         }
         let comparer =
@@ -161,41 +155,27 @@ impl Run<'_, '_> {
         Ok((outcome, deviation, false))
     }
 
-    /// Runs one pass of the engine; `step` is the largest distance from a plane that one collapse may
-    /// leave, in user units.
+    /// Runs one pass of the engine; several passes may share copies of it.
     fn one_pass<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
-        step: Option<f64>,
-        control: &mut dyn Control,
-    ) -> Result<RunOutcome, SimplifyError> {
-        self.pass_with_copies(metric, goal, step, &mut Copies::none(), control)
-    }
-
-    /// Runs one pass of several that share copies of the engine.
-    fn pass_with_copies<M: Metric>(
-        &mut self,
-        metric: M,
-        goal: Goal,
-        step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
-            return self.relaxed(metric, goal, step, copies, control);
+            return self.relaxed(metric, goal, copies, control);
         }
         // With free topology, parts and necks are removed in order of cost from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;
         let allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
-        let outcome = self.run_from_start(metric, goal, step, allowed, control)?;
+        let outcome = self.run_from_start(metric, goal, allowed, control)?;
         let is_single = self.options.quick.is_some();
         let competes = !is_single && (outcome.seams_relaxed || outcome.kept_costly_seams);
-        if !competes || goal.is_none() || step.is_some() || outcome.end == StopReason::Finish {
+        if !competes || goal.is_none() || outcome.end == StopReason::Finish {
             return Ok(outcome);
         }
-        let other =
-            self.run_from_start(metric, goal, step, TopologyChanges { seams: true, ..allowed }, control)?;
+        let other = self.run_from_start(metric, goal, TopologyChanges { seams: true, ..allowed }, control)?;
         Ok(self.closest(vec![outcome, other], None, control))
     }
 
@@ -204,13 +184,12 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: Goal,
-        step: Option<f64>,
         allowed: TopologyChanges,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let mut trunk = self.begin(metric, step, allowed, (&[], 0), control)?;
+        let mut trunk = self.begin(metric, allowed, (&[], 0), control)?;
         let end = self.sweep(&mut trunk, &goal, control)?;
-        let proposes = end == StopReason::Stuck && step.is_none() && self.options.quick.is_none();
+        let proposes = end == StopReason::Stuck && self.options.quick.is_none();
         self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 }

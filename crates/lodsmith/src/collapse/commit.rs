@@ -130,11 +130,7 @@ impl<M: Metric> LiveMesh<M> {
         // (On feature lines the form does not include all changes.)
         let is_on_lines = x.kind.has_lines() || z.kind.has_lines();
         let uses_form_cost = is_exact && !is_on_lines && candidate.form_cost > 0.0;
-        if is_exact
-            && self.values.attributes.is_some()
-            && !is_probe
-            && peak <= self.constraints.rules.max_step_sq
-        {
+        if is_exact && self.values.attributes.is_some() && !is_probe {
             let known =
                 if uses_form_cost { candidate.form_cost + self.peak_weight() * peak } else { candidate.cost };
             if known > tau {
@@ -251,7 +247,6 @@ impl<M: Metric> LiveMesh<M> {
             for (from, step, is_bare) in [(x.p, y, is_bare[0]), (z.p, off, is_bare[1])] {
                 if is_bare && peak_weight * step.length_squared() > 0.5 * cost {
                     let distance = cost::of_tip(self.distance_to_star(&scratch.wings, from, at));
-                    peak = peak.max(distance);
                     weighted = weighted.max(peak_weight * distance);
                 }
             }
@@ -263,12 +258,8 @@ impl<M: Metric> LiveMesh<M> {
         let mut handed_over = None;
         if self.counts_wedge_values() && (cost <= tau || is_probe) {
             let changes = self.wedges_to_hand_over(u, v, y, off, ru, rv)?;
-            let [of_values, farthest] = self.cost_of_wedges(&changes, at);
-            (cost, peak) = (cost + of_values, peak.max(farthest));
+            cost += self.cost_of_wedges(&changes, at);
             handed_over = Some(changes);
-        }
-        if peak > self.constraints.rules.max_step_sq {
-            return Err(Refusal::Cost.into());
         }
         if !self.cost.metric.cost_source().is_decided_by_metric() {
             spent = cost;

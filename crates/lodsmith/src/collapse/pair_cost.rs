@@ -95,14 +95,6 @@ impl<M: Metric> LiveMesh<M> {
     /// Returns the cost of a bundle by the planes around it.
     pub(super) fn plane_cost(&mut self, bundle: &Bundle, ring: &mut Ring) -> Result<f32, Refusal> {
         let (mut cost, mut area, mut peak, mut turned) = (0f32, 0f32, 0f32, false);
-        for joint in &bundle.joints {
-            for w in [joint.u, joint.v] {
-                let step_sq = (joint.at - self.store.p(w)).length_squared();
-                if step_sq > self.constraints.rules.max_step_sq {
-                    return Err(Refusal::Cost);
-                }
-            }
-        }
         for c in &bundle.faces {
             let p = c.before.map(|w| self.store.p(w));
             let normal = (p[1] - p[0]).cross(p[2] - p[0]);
@@ -151,9 +143,6 @@ impl<M: Metric> LiveMesh<M> {
         }
         if self.cost.metric.is_memoryless() {
             cost += cost::of_peak(self.peak_weight(), area, peak);
-        }
-        if peak > self.constraints.rules.max_step_sq {
-            return Err(Refusal::Cost);
         }
         self.check_valence(bundle)?;
         if self.bundle_folds(bundle, turned, ring) { Err(Refusal::NormalFlip) } else { Ok(cost) }

@@ -24,8 +24,6 @@ pub(crate) struct Rules {
     pub(crate) min_shape: f32,
     pub(crate) max_valence: usize,
     pub(crate) max_edge_sq: f32,
-    /// Square of the largest distance from the merged vertex to a plane that it leaves.
-    pub(crate) max_step_sq: f32,
     /// True in a quick pass: there is no late phase with samples, and all seams are hard.
     pub(crate) is_quick: bool,
     /// Weight of the squared step of a vertex in a quick pass, over the area of its star.
@@ -61,7 +59,6 @@ impl Rules {
             min_shape: guards.min_quality.map_or(0.0, |q| (q * q) as f32),
             max_valence: guards.max_valence.unwrap_or(usize::MAX),
             max_edge_sq: (max_edge * max_edge) as f32,
-            max_step_sq: f32::INFINITY,
             is_quick: options.quick.is_some(),
             move_weight: options.quick.as_ref().map_or(0.0, |quick| quick.move_weight),
             max_estimate,

@@ -55,7 +55,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
     let mut removal = Removal::new(task);
     let mut end = removal.run(control)?;
     let mut seams_relaxed = false;
-    if end == Ending::Stuck && removal.refusals[Refusal::Seam as usize] > 0 && task.step.is_none() {
+    if end == Ending::Stuck && removal.refusals[Refusal::Seam as usize] > 0 {
         // A displaced seam is better than a removed part.
         seams_relaxed = removal.relax_seams();
         if seams_relaxed {
@@ -63,7 +63,7 @@ pub(crate) fn make(task: &Task<'_>, control: &mut dyn Control) -> Result<Rebuilt
         }
     }
     let mut parts_removed = 0;
-    if end == Ending::Stuck && task.options.topology != TopologyPolicy::Preserve && task.step.is_none() {
+    if end == Ending::Stuck && task.options.topology != TopologyPolicy::Preserve {
         parts_removed = parts::remove_cheapest(&mut removal.store, task);
         if removal.store.meets(&task.goal) {
             end = Ending::Goal;
@@ -279,9 +279,6 @@ impl<'a> Removal<'a> {
             Class::Border | Class::Inside => to_filling(),
         };
         let distance = distance_sq.sqrt();
-        if self.task.step.is_some_and(|step| distance > step) {
-            return Err(Refusal::Cost);
-        }
         Ok(RemovalPlan { distance, cost: self.cost(v, distance), class })
     }
 

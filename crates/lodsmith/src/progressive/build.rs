@@ -157,7 +157,7 @@ fn record_run<M: Metric>(
     let mut goals = fitted_goals(run.input.surface.triangles().len());
     goals.push(run.goal);
     let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
-        run.start(metric, None, true, (&goals, goals.len() - 1))?;
+        run.start(metric, true, (&goals, goals.len() - 1))?;
     let record = record(run, mesh, &engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
     let facings: Vec<Facing> = engine.mesh.store.v.iter().map(|x| x.facing).collect();

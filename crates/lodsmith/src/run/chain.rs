@@ -158,7 +158,7 @@ impl Run<'_, '_> {
                 trunk
             }
             None => {
-                let mut trunk = self.begin(metric, None, allowed, (goals, i), control)?;
+                let mut trunk = self.begin(metric, allowed, (goals, i), control)?;
                 if !self.is_traced {
                     trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
                 }

@@ -64,10 +64,8 @@ pub(crate) type Done = (Simplified, HeldWedges);
 /// Outcome of a run, its distance from the input, and true if an error limit ended it.
 pub(super) type Finished = (RunOutcome, Deviation, bool);
 
-/// Function that runs to a goal. The number is the largest distance that one step may leave, in user units,
-/// for methods whose error is limited by their steps.
-pub(crate) type Pass =
-    fn(&mut Run<'_, '_>, Goal, Option<f64>, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
+/// Function that runs to a goal.
+pub(crate) type Pass = fn(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>;
 
 /// An input with its order, options, goal and constraints, and the pass of the method.
 pub(crate) struct Run<'a, 'b> {
@@ -77,6 +75,8 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) goal: Goal,
     pub(crate) constraints: &'a Constraints,
     pub(crate) pass: Pass,
+    /// The largest distance that one step may cause, in user units, for methods whose error is limited by it.
+    pub(crate) step: Option<f64>,
     /// True if outcomes include the origin of their vertices.
     pub(crate) is_traced: bool,
 }
@@ -91,7 +91,7 @@ impl<'a, 'b> Run<'a, 'b> {
         pass: Pass,
     ) -> Self {
         let goal = goal(options, input.surface.triangles().len());
-        Self { input, options, ordered, goal, constraints, pass, is_traced: false }
+        Self { input, options, ordered, goal, constraints, pass, step: None, is_traced: false }
     }
 }
 
@@ -100,10 +100,9 @@ impl Run<'_, '_> {
     pub(super) fn run_pass(
         &mut self,
         goal: Goal,
-        step: Option<f64>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        (self.pass)(self, goal, step, control)
+        (self.pass)(self, goal, control)
     }
 
     /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.

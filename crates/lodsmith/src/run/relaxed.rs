@@ -30,19 +30,18 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: Goal,
-        step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let lightest = self.best_outcome(metric, goal, step, copies, control)?;
+        let lightest = self.best_outcome(metric, goal, copies, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
-        let is_short = lightest.end == StopReason::Stuck && step.is_none() && !lightest.keeps_all();
+        let is_short = lightest.end == StopReason::Stuck && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
             return Ok(lightest);
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.best_outcome(metric, nearly, step, copies, control)?;
+        let other = self.best_outcome(metric, nearly, copies, control)?;
         Ok(self.choose_when_unreachable(lightest, other, control))
     }
 
@@ -51,7 +50,6 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: Goal,
-        step: Option<f64>,
         copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
@@ -61,7 +59,7 @@ impl Run<'_, '_> {
                 kept
             }
             None => {
-                let mut trunk = self.begin(metric, step, NO_CHANGES, (&[], 0), control)?;
+                let mut trunk = self.begin(metric, NO_CHANGES, (&[], 0), control)?;
                 let sweeps = trunk.engine.begin_sweeps(&goal);
                 copies.keep(&trunk, &sweeps, usize::MAX);
                 (trunk, sweeps)
@@ -96,8 +94,7 @@ impl Run<'_, '_> {
             let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
             may_remove |= outcome.kept_blocking_necks;
             let competes = end == StopReason::Goal && outcome.has_rivals();
-            // A search for an error decides by itself when to end.
-            if end != StopReason::Stuck && !competes || step.is_some() {
+            if end != StopReason::Stuck && !competes {
                 return Ok(outcome);
             }
             outcomes.push(outcome);
@@ -107,20 +104,20 @@ impl Run<'_, '_> {
         let mut from = snapshot.map(|snapshot| (snapshot, trunk));
         if may_remove {
             let allowed = TopologyChanges { parts: true, cuts, seams: false };
-            let mut second = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
+            let mut second = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
             if second.has_touching_vertices && second.end != StopReason::Finish {
                 cuts = false;
                 let allowed = TopologyChanges { cuts, ..allowed };
-                second = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
+                second = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
             }
             outcomes.push(second);
         }
         let is_over = outcomes.last().is_some_and(|last| last.end == StopReason::Finish);
         let competes =
             seams_block || outcomes.iter().any(|outcome| outcome.seams_relaxed || outcome.kept_costly_seams);
-        if competes && step.is_none() && !is_over {
+        if competes && !is_over {
             let allowed = TopologyChanges { parts: may_remove, cuts: cuts && may_remove, seams: true };
-            let third = self.run_with_changes(metric, &goal, step, allowed, &mut from, control)?;
+            let third = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
             // If the two sides of a cut touch, another candidate is used.
             outcomes.extend(Some(third).filter(|third| !third.has_touching_vertices || outcomes.is_empty()));
         }
@@ -133,7 +130,6 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: &Goal,
-        step: Option<f64>,
         allowed: TopologyChanges,
         from: &mut Option<(Snapshot<M>, Trunk<M>)>,
         control: &mut dyn Control,
@@ -153,7 +149,7 @@ impl Run<'_, '_> {
                 (trunk, sweeps)
             }
             None => {
-                own = self.begin(metric, step, allowed, (&[], 0), control)?;
+                own = self.begin(metric, allowed, (&[], 0), control)?;
                 let sweeps = own.engine.begin_sweeps(goal);
                 (&mut own, sweeps)
             }
@@ -161,7 +157,7 @@ impl Run<'_, '_> {
         let end =
             self.resume_trunk(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(StopReason::Stuck);
         trunk.engine.mesh.store.finish();
-        self.finish(&mut trunk.engine, &trunk.root, end, end == StopReason::Stuck && step.is_none(), control)
+        self.finish(&mut trunk.engine, &trunk.root, end, end == StopReason::Stuck, control)
     }
 
     fn resume_trunk<M: Metric>(
@@ -216,7 +212,7 @@ mod tests {
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
     fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
-        let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+        let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
         let mut sweeps = trunk.engine.begin_sweeps(goal);
         let end = run
             .resume_trunk(&mut trunk, &mut sweeps, goal, Pause::BeforeTopologyChanges, &mut NoControl)
@@ -262,8 +258,8 @@ mod tests {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
                 let none = &mut Copies::none();
-                let done = run.relaxed(Memoryless, goal, None, none, &mut NoControl).unwrap();
-                let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+                let done = run.relaxed(Memoryless, goal, none, &mut NoControl).unwrap();
+                let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
                 assert_eq!((end, plain.tally.parts_removed), (StopReason::Goal, 0));
@@ -293,7 +289,7 @@ mod tests {
     #[test]
     fn only_touching_vertices_are_separated() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
-            let mut trunk = run.begin(Memoryless, None, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+            let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
             let store = &mut trunk.engine.mesh.store;
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;

@@ -54,22 +54,19 @@ struct Basis<Q: VertexMemory> {
 
 impl Run<'_, '_> {
     /// Creates an engine before its first sweep; if it is `recorded`, faces have the numbers of the ordered
-    /// input. `step` is the largest distance from a plane that one collapse may leave, in user units; `goals`
-    /// are the goals of a chain, if it is one, and `level` is the first one to sweep to.
+    /// input. `goals` are the goals of a chain, if it is one, and `level` is the first one to sweep to.
     pub(crate) fn start<M: Metric>(
         &mut self,
         metric: M,
-        step: Option<f64>,
         recorded: bool,
         (goals, level): (&[Goal], usize),
     ) -> Result<Started<M>, SimplifyError> {
         let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
-            self.basis(metric.cost_source(), step, recorded, (goals, level));
+            self.basis(metric.cost_source(), recorded, (goals, level));
         let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
         // (Runs to an error limit preserve details anyway; recorded ones have no goal yet.)
         if let (Some(textures), Some(mesh)) = (self.input.data.textures, self.input.mesh)
             && !recorded
-            && step.is_none()
             && self.options.stop.error.is_none()
         {
             engine.mesh.init_details(|part_of, parts| {
@@ -91,26 +88,20 @@ impl Run<'_, '_> {
     fn basis<Q: VertexMemory>(
         &mut self,
         cost_source: CostSource,
-        step: Option<f64>,
         recorded: bool,
         (goals, level): (&[Goal], usize),
     ) -> Basis<Q> {
         let options = self.options;
         let surface = &self.input.surface;
         let frame = self.ordered.frame;
-        let mut rules = Rules::new(options, frame, self.ordered.diagonal);
-        if let Some(step) = step {
-            let unit = frame.unit_length(step) as f32;
-            rules.max_step_sq = unit * unit;
-        }
+        let rules = Rules::new(options, frame, self.ordered.diagonal);
         if self.ordered.points.is_empty() {
             // Taken by an earlier pass.
             self.ordered.points = self.ordered.remake_points(surface);
             self.ordered.faces = self.ordered.remake_faces(surface);
         }
-        // The search for an error runs several times from the same start, and a chain needs the input at
-        // each level.
-        let is_needed_again = step.is_some() || !goals.is_empty() || recorded;
+        // A chain needs the input at each level.
+        let is_needed_again = !goals.is_empty() || recorded;
         let is_kept = self.ordered.faces.len() <= INPUT_COPY_MAX_FACES || is_needed_again;
         let (points, faces) = if is_kept {
             (Cow::Borrowed(&self.ordered.points[..]), self.ordered.faces.clone())

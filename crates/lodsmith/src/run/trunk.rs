@@ -52,19 +52,18 @@ pub(super) struct Root {
 }
 
 impl Run<'_, '_> {
-    /// Prepares the engine. `step` is the largest distance from a plane that one collapse may leave, in
-    /// user units; `goals` are the goals of a chain, if it is one, and `level` is the first one to sweep to.
+    /// Prepares the engine. `goals` are the goals of a chain, if it is one, and `level` is the first one to
+    /// sweep to.
     pub(super) fn begin<M: Metric>(
         &mut self,
         metric: M,
-        step: Option<f64>,
         allowed: TopologyChanges,
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
     ) -> Result<Trunk<M>, SimplifyError> {
         control.stage(Stage::Prepare);
         let Started { mut engine, rows, originals, duplicate_faces, is_kept, weights } =
-            self.start(metric, step, false, (goals, level))?;
+            self.start(metric, false, (goals, level))?;
 
         control.stage(Stage::Collapse);
         if allowed.parts {

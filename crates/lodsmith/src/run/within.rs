@@ -28,10 +28,10 @@ type PassOfSearch =
 fn passes_of_search(method: MethodKind) -> PassOfSearch {
     fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
         let mut copies = Copies::of_search();
-        Box::new(move |run, goal, control| run.pass_with_copies(metric, goal, None, &mut copies, control))
+        Box::new(move |run, goal, control| run.one_pass(metric, goal, &mut copies, control))
     }
     with_metric!(method, METRIC => by(METRIC))
-        .unwrap_or_else(|| Box::new(|run, goal, control| run.run_pass(goal, None, control)))
+        .unwrap_or_else(|| Box::new(|run, goal, control| run.run_pass(goal, control)))
 }
 
 impl Run<'_, '_> {
@@ -110,7 +110,7 @@ impl Run<'_, '_> {
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
-        let outcome = self.run_pass(nothing, None, control)?;
+        let outcome = self.run_pass(nothing, control)?;
         let deviation =
             comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None));
         Ok((outcome, deviation, true))
@@ -134,7 +134,8 @@ impl Run<'_, '_> {
         for run in 1.. {
             let is_last = run == MAX_TOLERANCES;
             let step = if is_last { 0.0 } else { diagonal * libm::pow(TOLERANCE_FACTOR, power) };
-            let outcome = self.run_pass(self.goal, Some(step), control)?;
+            self.step = Some(step);
+            let outcome = self.run_pass(self.goal, control)?;
             control.stage(Stage::Measure);
             let kept =
                 comparer.as_ref().and_then(|comparer| comparer.proven_within_mesh(&outcome.mesh, allowed));

@@ -192,9 +192,6 @@ fn guards_refuse_collapses_beyond_their_limits() {
     // Corner 1 gets an edge across the square to corner 3, with squared length 8.
     let edge = refusals((&pyramid(0.0), [1, 0]), |rules, x| rules.max_edge_sq = x, [8.1, 7.9]);
     assert_eq!(edge, [None, Some(Refusal::EdgeLength)]);
-    // The apex moves by 2 h / s from the planes of two sides.
-    let step = refusals((&pyramid(0.5), [1, 0]), |rules, x| rules.max_step_sq = x, [0.801, 0.799]);
-    assert_eq!(step, [None, Some(Refusal::Cost)]);
     // Two inner vertices of a sheet with six faces each, two of them shared: eight remain.
     let valence = |rules: &mut crate::cost::guard::Rules, x: f32| rules.max_valence = x as usize;
     assert_eq!(refusals((&sheet(5), [14, 15]), valence, [8.0, 7.0]), [None, Some(Refusal::Valence)]);

@@ -75,7 +75,6 @@ fn pairs_that_may_not_be_joined_are_refused() {
     };
     refused(&|e| e.mesh.constraints.rules.border = BorderPolicy::Lock, Refusal::Border);
     refused(&|e| e.mesh.store.lock(&[true; 6]), Refusal::Locked);
-    refused(&|e| e.mesh.constraints.rules.max_step_sq = 0.01, Refusal::Cost);
     refused(&|e| e.mesh.constraints.rules.max_valence = 2, Refusal::Valence);
     refused(&|e| e.mesh.constraints.rules.max_edge_sq = 1.2, Refusal::EdgeLength);
 }
