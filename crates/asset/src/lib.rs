@@ -63,7 +63,7 @@ pub use destination::{Destination, Up, Writing};
 pub use error::AssetError;
 pub use info::{Info, MeshFacts, info};
 pub use job::{Job, StageClock, Step, Watch, check_memory};
-pub use lod::{Level, LevelOutputs, LodOutcome, LodRecipe, Naming, lod};
+pub use lod::{Level, LevelOutputs, LodOutcome, LodRecipe, Naming, coverage, lod};
 pub use normals::Normals;
 pub use orient::orient;
 pub use paths::{Sink, Source};

@@ -96,92 +96,109 @@ pub fn lod(
     job.enter(Step::Read);
     let mut reading = reading.clone();
     reading.properties = constraints::properties(&recipe.names);
-    let to = outputs.first.as_ref();
-    let writing = to.map_or_else(Writing::default, |to| to.writing);
-    let baking = recipe.baking.as_ref().filter(|_| to.is_some());
-    let is_scene = baking.is_some() || to.is_some_and(Destination::keeps_scenes);
-    let mut asset = Asset::read(&outputs.source, &reading, is_scene, job)?;
-    job.enter(Step::Prepare);
-    let (input_format, counts, sizes_before) = (asset.format(), asset.counts(), asset.sizes());
-    // For glTF outputs, a mesh becomes a scene, so that its levels are levels of a scene.
-    let is_gltf = to.is_some_and(|to| matches!(to.format, Format::Gltf | Format::Glb));
-    let becomes_scene = baking.is_some() || is_gltf;
-    let options = &recipe.options.simplify;
-    let (data, of_run) = asset.prepare(&recipe.names, None, becomes_scene, to, options)?;
-    if asset.scene().is_some_and(Scene::has_levels) {
-        return Err(AssetError::Levels);
-    }
-    let mut warnings = asset.warnings().to_vec();
-    warnings.extend(of_run);
-    job.check_memory("lod", asset.levels_need(options, &data))?;
-    let Chain { levels: made, geomorphs } = asset.levels(&recipe.options, &data, job)?;
+    let is_scene =
+        outputs.first.as_ref().is_some_and(|to| recipe.baking.is_some() || Destination::keeps_scenes(to));
+    let asset = Asset::read(&outputs.source, &reading, is_scene, job)?;
+    recipe.run(asset, outputs, job)
+}
 
-    // Only the first level with such meshes is reported: later levels have even fewer faces.
-    let starved = made.iter().enumerate().find_map(|(k, level)| {
-        let counts: Vec<_> = level.counts.iter().map(|(_, counts)| *counts).collect();
-        Some(Warning::note(format!("level {}: {}", k + 1, starved(&counts)?)))
-    });
-    warnings.extend(starved);
-    let scale = if asset.scene().is_some() { 1.0 } else { writing.scale.unwrap_or(1.0) };
-    let mut levels = Vec::with_capacity(made.len());
-    let mut meshes = vec![geomorphed_originals(&asset, &geomorphs[0])];
-    for level in made {
-        let not_reached =
-            not_reached(&level.report, options, job.time_limit(), level.meshes.iter().flatten());
-        let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
-        levels.push(Level {
-            not_reached,
-            distance: recipe.screen.distance(lodsmith::lod::error_of(&level.report)) * scale,
-            report: level.report,
-            meshes: level.counts.into_iter().map(name).collect(),
+impl LodRecipe {
+    /// Makes levels of a file, and writes them.
+    ///
+    /// # Errors
+    /// Those of [`lod`].
+    pub fn run(
+        &self,
+        mut asset: Asset,
+        outputs: &LevelOutputs,
+        job: &mut Job<'_>,
+    ) -> Result<LodOutcome, AssetError> {
+        job.enter(Step::Prepare);
+        let to = outputs.first.as_ref();
+        let writing = to.map_or_else(Writing::default, |to| to.writing);
+        let baking = self.baking.as_ref().filter(|_| to.is_some());
+        let (input_format, counts, sizes_before) = (asset.format(), asset.counts(), asset.sizes());
+        // For glTF outputs, a mesh becomes a scene, so that its levels are levels of a scene.
+        let is_gltf = to.is_some_and(|to| matches!(to.format, Format::Gltf | Format::Glb));
+        let becomes_scene = baking.is_some() || is_gltf;
+        let options = &self.options.simplify;
+        let (data, of_run) = asset.prepare(&self.names, None, becomes_scene, to, options)?;
+        if asset.scene().is_some_and(Scene::has_levels) {
+            return Err(AssetError::Levels);
+        }
+        let mut warnings = asset.warnings().to_vec();
+        warnings.extend(of_run);
+        job.check_memory("lod", asset.levels_need(options, &data))?;
+        let Chain { levels: made, geomorphs } = asset.levels(&self.options, &data, job)?;
+
+        // Only the first level with such meshes is reported: later levels have even fewer faces.
+        let starved = made.iter().enumerate().find_map(|(k, level)| {
+            let counts: Vec<_> = level.counts.iter().map(|(_, counts)| *counts).collect();
+            Some(Warning::note(format!("level {}: {}", k + 1, starved(&counts)?)))
         });
-        let mut of_level = level.meshes;
-        of_level.iter_mut().flatten().for_each(|mesh| recipe.normals.apply(mesh));
-        meshes.push(of_level);
-    }
-    for (of_level, geomorphs) in meshes.iter_mut().zip(&geomorphs) {
-        for (mesh, positions) in of_level.iter_mut().zip(geomorphs) {
-            if let (Some(mesh), Some(positions)) = (mesh, positions) {
-                let transform = |p| if asset.scene().is_some() { p } else { oriented(p, &writing) };
-                add_geomorph(mesh, positions, transform)?;
+        warnings.extend(starved);
+        let scale = if asset.scene().is_some() { 1.0 } else { writing.scale.unwrap_or(1.0) };
+        let mut levels = Vec::with_capacity(made.len());
+        let mut meshes = vec![geomorphed_originals(&asset, &geomorphs[0])];
+        for level in made {
+            let not_reached =
+                not_reached(&level.report, options, job.time_limit(), level.meshes.iter().flatten());
+            let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
+            levels.push(Level {
+                not_reached,
+                distance: self.screen.distance(lodsmith::lod::error_of(&level.report)) * scale,
+                report: level.report,
+                meshes: level.counts.into_iter().map(name).collect(),
+            });
+            let mut of_level = level.meshes;
+            of_level.iter_mut().flatten().for_each(|mesh| self.normals.apply(mesh));
+            meshes.push(of_level);
+        }
+        for (of_level, geomorphs) in meshes.iter_mut().zip(&geomorphs) {
+            for (mesh, positions) in of_level.iter_mut().zip(geomorphs) {
+                if let (Some(mesh), Some(positions)) = (mesh, positions) {
+                    let transform = |p| if asset.scene().is_some() { p } else { oriented(p, &writing) };
+                    add_geomorph(mesh, positions, transform)?;
+                }
             }
         }
-    }
-    let mut scene = asset.scene().cloned();
-    let baked = match (baking, &mut scene) {
-        (Some(baking), Some(scene)) => {
-            job.enter(Step::Bake);
-            let mut baked = bake_levels(scene, &mut meshes, baking, job)?;
-            warnings.append(&mut baked.warnings);
-            Some(baked)
+        let mut scene = asset.scene().cloned();
+        let baked = match (baking, &mut scene) {
+            (Some(baking), Some(scene)) => {
+                job.enter(Step::Bake);
+                let mut baked = bake_levels(scene, &mut meshes, baking, job)?;
+                warnings.append(&mut baked.warnings);
+                Some(baked)
+            }
+            _ => None,
+        };
+        job.enter(Step::Write);
+        let mut writer = ChainWriter { asset: &asset, scene, meshes, baked, outputs, recipe: self };
+        let distances: Vec<f64> = levels.iter().map(|level| level.distance).collect();
+        let mut written = writer.write(&distances, job)?;
+        warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
+        if let (true, None, Some(to)) = (self.options.geomorph, asset.scene(), to)
+            && to.format != Format::Ply
+        {
+            warnings
+                .push(Warning::lost(format!("{} cannot store geomorph data: dropped", to.format.title())));
         }
-        _ => None,
-    };
-    job.enter(Step::Write);
-    let mut writer = ChainWriter { asset: &asset, scene, meshes, baked, outputs, recipe };
-    let distances: Vec<f64> = levels.iter().map(|level| level.distance).collect();
-    let mut written = writer.write(&distances, job)?;
-    warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
-    if let (true, None, Some(to)) = (recipe.options.geomorph, asset.scene(), to)
-        && to.format != Format::Ply
-    {
-        warnings.push(Warning::lost(format!("{} cannot store geomorph data: dropped", to.format.title())));
+        let of_run = levels.first().map_or(0.0, |level| level.report.error.diagonal);
+        let outcome = LodOutcome {
+            input_format,
+            counts,
+            outputs: outputs.sinks(levels.len()),
+            levels,
+            sizes_before,
+            written,
+            diagonal: if asset.scene().is_some() { asset.diagonal() } else { of_run },
+            warnings,
+            threads: rayon::current_num_threads(),
+            clock: job.times(),
+        };
+        outputs.write_list(&outcome.list(&outputs.source, self, scale), job)?;
+        Ok(outcome)
     }
-    let of_run = levels.first().map_or(0.0, |level| level.report.error.diagonal);
-    let outcome = LodOutcome {
-        input_format,
-        counts,
-        outputs: outputs.sinks(levels.len()),
-        levels,
-        sizes_before,
-        written,
-        diagonal: if asset.scene().is_some() { asset.diagonal() } else { of_run },
-        warnings,
-        threads: rayon::current_num_threads(),
-        clock: job.times(),
-    };
-    outputs.write_list(&outcome.list(&outputs.source, recipe, scale), job)?;
-    Ok(outcome)
 }
 
 /// Returns copies of the original meshes that geomorph to the first level.
@@ -250,8 +267,6 @@ impl ChainWriter<'_> {
                 let mut all: Vec<WriteOutcome> = Vec::new();
                 for (k, sink) in (0..self.meshes.len()).zip(sinks) {
                     to.sink = sink;
-                    let force = to.writing.force || to.dry_run;
-                    paths::refuse_inputs(&to.sink, [&self.outputs.source], force)?;
                     let mut made = self.asset.write(self.edit(k), &to, job)?;
                     // Each warning is reported once.
                     made.warnings.retain(|w| !all.iter().any(|before| before.warnings.contains(w)));
@@ -285,8 +300,8 @@ impl ChainWriter<'_> {
 }
 
 /// Returns, for each mesh and level, the fraction of the screen height that the bounding sphere of the mesh covers
-/// at the distance where the next level is used.
-fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
+/// at the distance where the next level is used. `distances` are in the units of the scene.
+pub fn coverage(scene: &Scene, distances: &[f64], screen: &Screen) -> Vec<Vec<f64>> {
     let of_mesh = |m: &SceneMesh| {
         let diameter = m.largest_diagonal();
         let mut all: Vec<f64> = Vec::with_capacity(distances.len() + 1);

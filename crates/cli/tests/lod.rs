@@ -101,6 +101,18 @@ fn names_follow_the_style_or_the_template() {
 }
 
 #[test]
+fn no_level_overwrites_the_input() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a2.ply", &hills(8));
+    let command = "lod a2.ply -O . --levels 0.5,0.2 --name a{level}.ply";
+    let outcome = sandbox.run(command).with_status(2).with_one_error();
+    assert!(outcome.stderr.contains("a2.ply: is an input"), "{}", outcome.stderr);
+    assert_eq!((sandbox.names("."), sandbox.faces("a2.ply")), (vec!["a2.ply".to_owned()], 128));
+    sandbox.run(&format!("{command} --force")).with_status(0);
+    assert!(sandbox.faces("a2.ply") < 128);
+}
+
+#[test]
 fn levels_in_the_wrong_order_are_a_usage_error() {
     let sandbox = CliSandbox::new();
     sandbox.put("a.ply", &hills(8));

@@ -33,6 +33,16 @@ pub enum Levels {
 }
 
 impl Levels {
+    /// Returns the number of levels, not counting the original.
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Ratios(all) => all.len(),
+            Self::Faces(all) => all.len(),
+            Self::Steps { count, .. } => (*count).min(MAX_LEVELS),
+            Self::Errors(all) => all.len(),
+        }
+    }
+
     /// Returns the stop of each level.
     fn stops(&self) -> Result<Vec<Stop>, SimplifyError> {
         let bad = |option, wanted, got| Err(SimplifyError::BadOption { option, wanted, got });

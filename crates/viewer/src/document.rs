@@ -388,10 +388,10 @@ impl Document {
     }
 
     /// Exports a model: the automatic level for this error if levels are on, else the result. If only a
-    /// preview level is shown, the exact run is made first.
+    /// preview level is shown, the exact run is made first. If the result has baked maps, a list of levels has them too.
     pub fn export(&mut self, export: Export, level_error: f64) {
         let Some(original) = self.original.as_ref().map(|o| o.content.clone()) else { return };
-        let (level, lighter) = match self.levels().is_empty() {
+        let (level, lighter) = match self.levels().is_empty() || !export.levels.is_empty() {
             true => (None, self.lighter.as_ref().map(|l| l.content.clone())),
             false => {
                 let (number, level) = self.level_for(level_error);
@@ -399,8 +399,8 @@ impl Document {
             }
         };
         let has_maps = lighter.as_ref().is_some_and(|lighter| lighter.baked.is_some());
-        if self.baked().is_some() && (!has_maps || !export.levels.is_empty()) {
-            self.log.warn("levels are written without the baked maps");
+        if self.baked().is_some() && !has_maps {
+            self.log.warn("the level is written without the baked maps");
         }
         let how = self.settings.simplify.clone();
         self.worker.submit(Job::Export { original, lighter, level, how, export });

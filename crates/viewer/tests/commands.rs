@@ -79,6 +79,17 @@ fn maps_are_baked_for_the_result_exported_with_it_and_removed() {
         let written = std::fs::read_to_string(folder.path().join("out.mtl")).unwrap();
         assert!(written.contains("norm "), "{written}");
 
+        let (path, levels) = (folder.path().join("levels"), vec![0.5, 0.2]);
+        let (format, textures) = (Format::Glb, Textures::Copy);
+        document.export(Export { path: path.clone(), format, ascii: false, textures, levels }, 0.0);
+        assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+        let stem = file.file_stem().unwrap().display().to_string();
+        let of_levels = [0, 1, 2].map(|level| {
+            let path = path.join(format!("{stem}_lod{level}.glb"));
+            has_map(&lodsmith_io::read_model_path(&path, &Default::default()).unwrap().model)
+        });
+        assert_eq!(of_levels, [false, true, true], "{}", file.display());
+
         document.remove_maps();
         assert!(std::sync::Arc::ptr_eq(&document.lighter().unwrap().content, &before));
         document.bake();

@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::destination::Destination;
 use crate::error::{AssetError, usage};
 use crate::job::Job;
-use crate::paths::{Sink, Source};
+use crate::paths::{self, Sink, Source};
 use crate::plan::{self, Outputs};
 
 /// The list of levels in a folder.
@@ -64,11 +64,17 @@ pub struct LevelOutputs {
 }
 
 impl LevelOutputs {
-    /// Plans the outputs, and creates their folder. `template` names the files in a folder; without it, the style does.
+    /// Plans the outputs of the original and of `levels` levels below, and creates their folder. `template` names the
+    /// files in a folder; without it, the style does.
     ///
     /// # Errors
-    /// [`AssetError::Usage`], [`AssetError::Folder`].
-    pub fn new(outputs: &Outputs<'_>, template: Option<&str>, naming: Naming) -> Result<Self, AssetError> {
+    /// [`AssetError::Usage`], also if a level would overwrite the input; [`AssetError::Folder`].
+    pub fn new(
+        outputs: &Outputs<'_>,
+        template: Option<&str>,
+        naming: Naming,
+        levels: usize,
+    ) -> Result<Self, AssetError> {
         if template.is_some() && outputs.out_dir.is_none() {
             return Err(usage("--name needs a folder for the levels"));
         }
@@ -94,7 +100,12 @@ impl LevelOutputs {
             (Some(path), Some(to)) => Some(LevelFolder::new(path, &template, to)?),
             _ => None,
         };
-        Ok(Self { source: assigned.source, first: assigned.output, folder })
+        let planned = Self { source: assigned.source, first: assigned.output, folder };
+        let is_allowed = outputs.writing.force || outputs.dry_run;
+        for sink in planned.sinks(levels) {
+            paths::refuse_inputs(&sink, [&planned.source], is_allowed)?;
+        }
+        Ok(planned)
     }
 
     /// Returns the outputs of the original and of this many levels below; empty without an output.
@@ -146,7 +157,8 @@ impl LevelFolder {
             }
             _ => return Err(usage(format!("--name {template}: {{stem}} must be before {{level}}"))),
         };
-        if !first.dry_run {
+        // In memory every folder exists.
+        if !first.dry_run && !cfg!(target_arch = "wasm32") {
             fs::create_dir_all(folder)
                 .map_err(|problem| AssetError::Folder { path: folder.to_owned(), problem })?;
         }

@@ -136,7 +136,8 @@ impl<'r> PlannedJob<'r> {
             Verb::Lod => {
                 let (screen, naming) = (options.screen, options.naming);
                 let recipe = LodRecipe { options: options.levels()?, names, normals, baking, screen, naming };
-                let to = LevelOutputs::new(&outputs, options.name.as_deref(), naming)?;
+                let levels = recipe.options.levels.count();
+                let to = LevelOutputs::new(&outputs, options.name.as_deref(), naming, levels)?;
                 files.push(Assignment { source: to.source.clone(), output: to.first.clone() });
                 Work::Lod(recipe, to)
             }

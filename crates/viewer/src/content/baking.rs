@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use lodsmith_asset::{Baking, Edit, Made, Recipe, Watch};
+use lodsmith_asset::{Edit, Made, Recipe, Watch};
 use lodsmith_bake::{BakedSet, Texels};
 use lodsmith_core::model::{Pose, Transform};
 use lodsmith_core::{Image, Model, Positions, TriMesh};
@@ -28,7 +28,7 @@ pub(crate) fn bake_result(
 ) -> Result<Lighter, Failure> {
     let begin = Instant::now();
     let asset = original.asset()?;
-    let baking = Baking { options: settings.options(), map_files: false };
+    let baking = settings.baking();
     let mut job = job(watch);
     let (asset, edit, baked, report) = match asset.scene() {
         Some(scene) => {

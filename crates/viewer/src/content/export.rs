@@ -5,9 +5,12 @@ mod size;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-#[cfg(not(target_arch = "wasm32"))]
-use anyhow::Context as _;
-use lodsmith_asset::{Destination, Edit, Sink, Watch, Writing};
+use lodsmith::{Levels, LodOptions, Screen, Stop};
+use lodsmith_asset::plan::Outputs;
+use lodsmith_asset::warnings::warnings_of;
+use lodsmith_asset::{
+    Destination, Edit, LevelOutputs, LodRecipe, Naming, PartNames, Sink, Source, Watch, Writing,
+};
 use lodsmith_core::TriMesh;
 use lodsmith_io::gltf::Scene;
 use lodsmith_io::{Format, Textures, Warning};
@@ -31,7 +34,7 @@ pub struct Export {
     pub ascii: bool,
     /// Treatment of materials and textures that are files.
     pub textures: Textures,
-    /// Fractions of the triangles, one file each; if empty, the shown mesh is written.
+    /// Fractions of the triangles, one file each beside the original as level 0; if empty, the shown mesh is written.
     pub levels: Vec<f64>,
 }
 
@@ -70,7 +73,7 @@ pub struct Written {
 }
 
 impl Export {
-    /// Writes the files.
+    /// Writes the files. Levels are made anew, with maps if the shown mesh has them.
     ///
     /// # Errors
     /// Errors of the file system or of the engine; existing files then stay unchanged.
@@ -86,23 +89,42 @@ impl Export {
             let faces = lighter.map_or(original.faces, |l| l.faces);
             return Ok(Written { summary: format!("{} faces", grouped(faces)), warnings });
         }
-        // In memory every folder exists.
-        #[cfg(not(target_arch = "wasm32"))]
-        std::fs::create_dir_all(&self.path).with_context(|| self.path.display().to_string())?;
-        let stem = original.path.file_stem().map_or("model".into(), |s| s.to_string_lossy());
-        let (mut counts, mut warnings) = (Vec::new(), Vec::new());
-        let mut ratios = self.levels.clone();
-        ratios.sort_by(|a, b| b.total_cmp(a));
-        ratios.dedup();
-        let fewer: Vec<f64> = ratios.iter().copied().filter(|r| *r < 1.0).collect();
-        let made = if fewer.is_empty() { Vec::new() } else { Lighter::chain(original, how, &fewer, watch)? };
-        let whole = (fewer.len() < ratios.len()).then_some(None);
-        for (i, level) in whole.into_iter().chain(made.into_iter().map(Some)).enumerate() {
-            let path = self.path.join(format!("{stem}_lod{i}.{}", self.format.name()));
-            warnings.extend(self.write_one(original, level.as_ref(), &path, watch)?);
-            counts.push(grouped(level.as_ref().map_or(original.faces, |l| l.faces)));
-        }
+        let mut levels = self.levels.clone();
+        levels.retain(|ratio| *ratio < 1.0);
+        levels.sort_by(|a, b| b.total_cmp(a));
+        levels.dedup();
+        let mut options = LodOptions::new(Levels::Ratios(levels));
+        options.simplify = how.options.clone();
+        options.simplify.stop = Stop::default();
+        let baking = lighter.and_then(|l| l.baked.as_deref()).map(|baked| baked.settings.baking());
+        let naming = Naming::default();
+        let recipe = LodRecipe {
+            options,
+            names: PartNames::default(),
+            normals: how.normals,
+            baking,
+            screen: Screen::default(),
+            naming,
+        };
+        let outputs = Outputs {
+            inputs: &[Source::Path(original.path.clone())],
+            output: None,
+            out_dir: Some(&self.path),
+            name: "",
+            from: None,
+            to: Some(self.format),
+            writing: self.writing(),
+            json: false,
+            dry_run: false,
+        };
+        let outputs = LevelOutputs::new(&outputs, None, naming, recipe.options.levels.count())?;
+        let done = recipe.run(original.asset()?, &outputs, &mut job(watch))?;
+        let mut warnings = texts(&done.warnings);
+        warnings.extend(done.levels.iter().flat_map(|level| texts(&warnings_of(&level.report))));
         warnings.dedup();
+        let counts =
+            std::iter::once(done.counts[0]).chain(done.levels.iter().map(|level| level.report.faces));
+        let counts: Vec<String> = counts.map(grouped).collect();
         Ok(Written { summary: format!("{} levels: {} faces", counts.len(), counts.join(", ")), warnings })
     }
 
@@ -116,19 +138,8 @@ impl Export {
         lighter: Option<&Lighter>,
         watch: &mut dyn Watch,
     ) -> anyhow::Result<Vec<String>> {
-        self.write_one(original, lighter, &self.path, watch)
-    }
-
-    fn write_one(
-        &self,
-        original: &Original,
-        lighter: Option<&Lighter>,
-        path: &Path,
-        watch: &mut dyn Watch,
-    ) -> anyhow::Result<Vec<String>> {
-        let writing = Writing { ascii: self.ascii, textures: self.textures, ..Writing::default() };
-        let to =
-            Destination { sink: Sink::Path(path.to_owned()), format: self.format, writing, dry_run: false };
+        let sink = Sink::Path(self.path.clone());
+        let to = Destination { sink, format: self.format, writing: self.writing(), dry_run: false };
         let (asset, edit) = match lighter.and_then(|l| l.baked.as_deref()) {
             Some(baked) => (baked.asset.clone(), baked.edit.clone()),
             None => {
@@ -137,6 +148,10 @@ impl Export {
             }
         };
         Ok(texts(&asset.write(edit, &to, &mut job(watch))?.warnings))
+    }
+
+    fn writing(&self) -> Writing {
+        Writing { ascii: self.ascii, textures: self.textures, ..Writing::default() }
     }
 }
 

@@ -61,7 +61,7 @@ impl ExportForm {
             is_ascii: false,
             textures: Textures::default(),
             is_all_levels: false,
-            levels: "100, 50, 25, 10, 5".to_owned(),
+            levels: "50, 25, 10, 5".to_owned(),
         }
     }
 
@@ -90,8 +90,10 @@ impl ExportForm {
         let parts = self.levels.split([',', ';', ' ']).filter(|p| !p.trim().is_empty());
         let ratio =
             |p: &str| p.trim().trim_end_matches('%').parse::<f64>().ok().filter(|x| *x > 0.0 && *x <= 100.0);
-        let all: Option<Vec<f64>> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect();
-        all.filter(|all| !all.is_empty())
+        let mut all: Vec<f64> = parts.map(|p| ratio(p).map(|x| x / 100.0)).collect::<Option<_>>()?;
+        // The original is written anyway.
+        all.retain(|ratio| *ratio < 1.0);
+        (!all.is_empty()).then_some(all)
     }
 
     /// Shows the dialog and returns its state.
@@ -113,7 +115,7 @@ impl ExportForm {
         }
         // The size of a level is proportional to its triangles.
         let whole = estimated_bytes(original, None, self.format, self.is_ascii);
-        Some(self.ratios()?.iter().map(|ratio| whole * ratio).sum())
+        Some(whole * (1.0 + self.ratios()?.iter().sum::<f64>()))
     }
 
     fn form(&mut self, ui: &mut Ui, document: &Document) -> ExportDialogState {
@@ -135,7 +137,7 @@ impl ExportForm {
                 ui,
                 "All levels",
                 self.is_all_levels,
-                "Write one file per level into a folder",
+                "Write the original and each level into a folder",
             ) {
                 self.is_all_levels = true;
             }
@@ -162,7 +164,7 @@ impl ExportForm {
         }
         let mut answer = ExportDialogState::Open;
         if self.is_all_levels {
-            let tip = "Percentages of the triangles, one file each";
+            let tip = "Percentages of the triangles, one file each; the original is level 0";
             widgets::field(ui, "Levels (%)", tip, |ui| {
                 let is_good = self.ratios().is_some();
                 let mut edit =

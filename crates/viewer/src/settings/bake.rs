@@ -1,5 +1,7 @@
 //! Options of a bake as command-line words, for copying and for sessions.
 
+#[cfg(feature = "window")]
+use lodsmith_asset::Baking;
 use lodsmith_bake::{AtlasMode, BakeOptions, MapKind};
 use serde::{Deserialize, Serialize};
 
@@ -66,12 +68,12 @@ impl BakeSettings {
         Ok(done)
     }
 
-    /// Returns the options for baking a result from its original.
+    /// Returns the recipe for baking a result from its original.
     #[cfg(feature = "window")]
-    pub(crate) fn options(&self) -> BakeOptions {
+    pub(crate) fn baking(&self) -> Baking {
         let mut options = BakeOptions::new(self.maps.iter().copied());
         (options.size, options.atlas) = (self.size, self.atlas);
-        options
+        Baking { options, map_files: false }
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context as _, bail};
 use glam::{DQuat, DVec3};
 use lodsmith::Screen;
+use lodsmith_asset::coverage;
 use lodsmith_io::gltf::{CopyPlace, MovingNode, Scene, SceneCamera, SceneLevels, SceneMotion};
 use lodsmith_io::{Format, ModelFile, ModelSource, ReadOptions, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -183,19 +184,8 @@ impl StageExport {
         let ViewingConditions { pixels, fov_y_rad } = self.viewing;
         let screen =
             Screen::new(fov_y_rad.to_degrees(), Screen::default().height_px, pixels).unwrap_or_default();
-        let coverage = |i: usize| {
-            let mesh = &scene.meshes()[i];
-            let diameter = mesh.mesh.positions().view().bounds().map_or(0.0, |b| b.diagonal()) * mesh.scale;
-            let mut all: Vec<f64> = Vec::with_capacity(made.len() + 1);
-            for level in made {
-                let distance = screen.distance(level.error());
-                let share = if distance > 0.0 { screen.coverage(diameter, distance).min(1.0) } else { 1.0 };
-                all.push(share.min(all.last().copied().unwrap_or(1.0)));
-            }
-            all.push(0.0);
-            all
-        };
-        levels.coverage = (0..count).map(coverage).collect();
+        let distances: Vec<f64> = made.iter().map(|level| screen.distance(level.error())).collect();
+        levels.coverage = coverage(scene, &distances, &screen);
         levels
     }
 }
