@@ -4,6 +4,7 @@
 mod corpus;
 mod dist;
 mod faults;
+mod files;
 mod map;
 mod pictures;
 mod sample;

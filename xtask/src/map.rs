@@ -5,7 +5,8 @@ use std::io::Write;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{absolute_path, tidy};
+use crate::absolute_path;
+use crate::files::{shown, tree};
 
 /// Maximum columns of a line of the map, as in the sources.
 const COLUMNS: usize = 120;
@@ -16,10 +17,10 @@ const SENTENCE_MAX: usize = 200;
 pub(crate) fn run(args: &[String]) -> Result<()> {
     ensure!(args.len() <= 1, "usage: cargo xtask map [CRATE|FOLDER]");
     let mut files = Vec::new();
-    for path in tidy::tree()? {
+    for path in tree()? {
         if path.extension().is_some_and(|e| e == "rs") || path.ends_with("Cargo.toml") {
-            let text = std::fs::read_to_string(&path).with_context(|| tidy::shown(&path))?;
-            files.push((tidy::shown(&path), text));
+            let text = std::fs::read_to_string(&path).with_context(|| shown(&path))?;
+            files.push((shown(&path), text));
         }
     }
     let tree = Node::of(files);
@@ -27,7 +28,7 @@ pub(crate) fn run(args: &[String]) -> Result<()> {
         None => &tree,
         Some(name) => tree
             .of_crate(name)
-            .or_else(|| tree.at(&tidy::shown(&absolute_path(name))))
+            .or_else(|| tree.at(&shown(&absolute_path(name))))
             .with_context(|| format!("the map has no crate, folder or file called {name}"))?,
     };
     // A reader such as `head` may close the pipe before the end.
