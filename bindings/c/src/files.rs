@@ -262,12 +262,7 @@ fn code_of(error: &AssetError) -> i32 {
 
 impl From<AssetError> for Fault {
     fn from(error: AssetError) -> Self {
-        // The option for a folder has only a short name on the command line.
-        let text = Spelling::Keyword
-            .apply(&error.to_string())
-            .replace(" -O", " out_dir")
-            .replace("(-O)", "(out_dir)");
-        Self { code: code_of(&error), text }
+        Self { code: code_of(&error), text: Spelling::Keyword.apply(&error.to_string()) }
     }
 }
 

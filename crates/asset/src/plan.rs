@@ -57,7 +57,7 @@ pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
     paths::at_most_one_stream(outputs.inputs)?;
     let assigned = |source: &Source, sink: Sink| {
         // (Only jobs that can write to a folder have a template.)
-        let hint = if outputs.name.is_empty() { "" } else { ": use -O to write into it" };
+        let hint = if outputs.name.is_empty() { "" } else { ": use --out-dir to write into it" };
         paths::refuse_folder(&sink, hint)?;
         let format = paths::format_of(&sink, outputs.to)?;
         let output = Destination { sink, format, writing: outputs.writing, dry_run: outputs.dry_run };
@@ -66,7 +66,7 @@ pub fn assign(outputs: &Outputs<'_>) -> Result<Vec<Assignment>, AssetError> {
     let assignments = match (outputs.output, outputs.out_dir) {
         (Some(_), Some(_)) => return Err(usage("an output or a folder for outputs is expected, not both")),
         (Some(_), _) if outputs.inputs.len() > 1 => {
-            return Err(usage("several inputs cannot share one output: use a folder (-O)"));
+            return Err(usage("several inputs cannot share one output: use a folder (--out-dir)"));
         }
         (Some(sink), _) => {
             if *sink == Sink::Stream && outputs.json && !outputs.dry_run {
@@ -144,7 +144,7 @@ fn check_collisions(assignments: &[Assignment]) -> Result<(), AssetError> {
             let (a, b) = (&assignments[other].source, &assigned.source);
             let path = path.display();
             return Err(usage(format!(
-                "the results of {a} and {b} would have the same path {path}: use another --name or -O"
+                "the results of {a} and {b} would have the same path {path}: use another --name or --out-dir"
             )));
         }
     }

@@ -41,7 +41,7 @@ fn incompatible_options_are_usage_errors() {
 }
 
 /// Fault C2: for a folder as output, the error was that its extension names no format; without an output, no
-/// message named `-O`.
+/// message named `--out-dir`.
 #[test]
 fn a_folder_as_output_names_the_option_for_folders() {
     let sandbox = CliSandbox::new();
@@ -50,7 +50,7 @@ fn a_folder_as_output_names_the_option_for_folders() {
     for command in ["simplify a.ply -o folder --ratio 0.5", "clean a.ply -o folder"] {
         let outcome = sandbox.run(command).with_status(2).with_one_error();
         assert!(
-            outcome.stderr.contains("is a folder") && outcome.stderr.contains("-O"),
+            outcome.stderr.contains("is a folder") && outcome.stderr.contains("--out-dir"),
             "{}",
             outcome.stderr
         );

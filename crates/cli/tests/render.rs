@@ -388,7 +388,7 @@ fn invalid_turntables_are_refused() {
     sandbox.put("cube.ply", &coloured_cube());
     for (arguments, part) in [
         ("-o turn.jpg --turntable 8", "a turntable is written as an animated .png"),
-        ("-o turn.webp --turntable 8", "with -O as one image for each frame"),
+        ("-o turn.webp --turntable 8", "with --out-dir as one image for each frame"),
         ("-o turn.png --turntable 1", "2"),
         ("-O turn --turntable 8 --name cube.png", "{frame} is missing"),
         ("-O turn --turntable 8 --name {frame}.gif", "the name must end in .png, .jpg or .webp"),

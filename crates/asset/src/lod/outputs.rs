@@ -93,7 +93,7 @@ impl LevelOutputs {
                 if !matches!(format, Format::Gltf | Format::Glb) =>
             {
                 return Err(usage(format!(
-                    "{sink}: only GLB and glTF have all levels in one file; use a folder (-O) for {}",
+                    "{sink}: only GLB and glTF have all levels in one file; use a folder (--out-dir) for {}",
                     format.title()
                 )));
             }

@@ -78,7 +78,7 @@ impl PictureOutput {
             }
             Some(_) => {
                 return Err(usage(format!(
-                    "{sink}: a turntable is written as an animated .png, or with -O as one image for each frame"
+                    "{sink}: a turntable is written as an animated .png, or with --out-dir as one image for each frame"
                 )));
             }
         };
