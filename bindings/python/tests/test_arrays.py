@@ -217,6 +217,7 @@ def test_a_result_is_measured(ball):
     made = lodsmith.simplify(ball, ratio=0.1, measure=True)
     found = lodsmith.compare(ball, made)
     assert found["rms"] == pytest.approx(made.report["error"]["measured"]["rms"])
+    assert found["normal_deviation_deg"] == {"mean": found["normal_mean_deg"], "p95": found["normal_p95_deg"]}
     with pytest.raises(ValueError, match="samples"):
         lodsmith.compare(ball, made, samples=0)
     with pytest.raises(lodsmith.InvalidMesh):

@@ -237,6 +237,7 @@ def test_repair(ball):
     faces = np.concatenate([ball.faces, ball.faces[:7], ball.faces[:3, ::-1] * 0])
     made = lodsmith.clean(ball.vertices, faces)
     assert made.report["duplicate_faces"] == 7 and made.report["degenerate_faces"] == 3
+    assert made.report["done"]["duplicate_faces"] == 7 and made.report["left"] == made.report["remaining"]
     assert len(made.faces) == len(ball.faces) and made.report["remaining"]["border_edges"] == 0
     with pytest.raises(ValueError, match="non_manifold: one of keep"):
         lodsmith.clean(ball, non_manifold="burn")

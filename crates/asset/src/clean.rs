@@ -12,7 +12,7 @@ use crate::error::AssetError;
 use crate::job::{Job, StageClock, Step};
 use crate::memory_need::{self, Size};
 use crate::paths::Source;
-use crate::report_json::{self, by_name, seconds};
+use crate::report_json::{self, seconds};
 use crate::sizes::WriteOutcome;
 use crate::warnings::texts;
 
@@ -186,36 +186,6 @@ fn warnings_of(report: &CleanReport) -> impl Iterator<Item = Warning> {
     all.into_iter().filter(|x| x.0).map(|x| Warning::note(x.1))
 }
 
-/// A count with its name in reports.
-pub type Count = (&'static str, usize);
-
-/// Returns the counts of a report by name: first the repairs, then the remaining defects.
-pub fn counts(r: &CleanReport) -> ([Count; 12], [Count; 6]) {
-    let done = [
-        ("welded_vertices", r.welded_vertices),
-        ("non_finite_faces", r.non_finite_faces),
-        ("degenerate_faces", r.degenerate_faces),
-        ("duplicate_faces", r.duplicate_faces),
-        ("back_faces", r.back_faces),
-        ("pruned_parts", r.pruned.parts),
-        ("pruned_faces", r.pruned.faces),
-        ("flipped_faces", r.flipped_faces),
-        ("zero_area_faces", r.zero_area_faces),
-        ("parted_vertices", r.parted_vertices),
-        ("sewn_edges", r.sewn_edges),
-        ("unused_vertices", r.unused_vertices),
-    ];
-    let left = [
-        ("border_edges", r.remaining.border_edges),
-        ("non_manifold_edges", r.remaining.non_manifold_edges),
-        ("non_manifold_vertices", r.remaining.non_manifold_vertices),
-        ("misoriented_edges", r.remaining.misoriented_edges),
-        ("opposite_faces", r.remaining.opposite_faces),
-        ("zero_area_faces", r.remaining.zero_area_faces),
-    ];
-    (done, left)
-}
-
 /// Adds the counts of one mesh to a sum.
 fn add(sum: &mut CleanReport, r: &CleanReport) {
     let both = |a: &mut usize, b: usize| *a += b;
@@ -247,24 +217,17 @@ impl CleanOutcome {
     /// Returns the report, with this path of the input.
     pub fn to_json(&self, path: &str, to: Option<&Destination>, dry_run: bool) -> Value {
         let r = &self.report;
-        let (done, left) = counts(r);
         let input = [r.input_faces, r.input_vertices];
-        let mut report = json!({
-            "input": report_json::file(path.into(), Some(self.input_format), input, self.sizes_before),
-            "output": report_json::output(to, [r.faces, r.vertices], &self.written),
-            "done": by_name(done),
-            "left": by_name(left),
-            "warnings": texts(&self.warnings),
-            "seconds": seconds(&self.clock),
-        });
+        let mut report = report_json::cleaned(r);
+        report["input"] = report_json::file(path.into(), Some(self.input_format), input, self.sizes_before);
+        report["output"] = report_json::output(to, [r.faces, r.vertices], &self.written);
+        report["warnings"] = texts(&self.warnings).into();
+        report["seconds"] = seconds(&self.clock);
         if !self.meshes.is_empty() {
             let mesh = |(name, r): &(String, CleanReport)| {
-                let (done, left) = counts(r);
-                json!({
-                    "name": name, "done": by_name(done), "left": by_name(left),
-                    "input": { "faces": r.input_faces, "vertices": r.input_vertices },
-                    "output": { "faces": r.faces, "vertices": r.vertices },
-                })
+                let mut mesh = json!({ "name": name });
+                report_json::extend(&mut mesh, report_json::cleaned(r));
+                mesh
             };
             report["meshes"] = self.meshes.iter().map(mesh).collect();
         }

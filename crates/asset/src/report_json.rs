@@ -1,7 +1,7 @@
 //! JSON reports: the report of a run, and parts that the reports of several jobs share.
 
 use lodsmith::options::by_name::{NamedOption, OPTIONS, OptionGroup, OptionValue, length_text};
-use lodsmith::{Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};
+use lodsmith::{CleanReport, Length, Levels, MeshCounts, Report, SimplifyOptions, Stop};
 use lodsmith_core::measure::{Comparison, TwoWay};
 use lodsmith_io::{Format, Sizes};
 use serde_json::{Value, json};
@@ -71,7 +71,7 @@ pub(crate) fn take(all: &mut Value, key: &str) -> Value {
 }
 
 /// Adds the properties of an object to another, replacing properties with the same name.
-pub(crate) fn extend(all: &mut Value, more: Value) {
+pub fn extend(all: &mut Value, more: Value) {
     if let (Value::Object(all), Value::Object(more)) = (all, more) {
         all.extend(more);
     }
@@ -93,6 +93,33 @@ pub fn mesh_json((name, m): &(String, MeshCounts)) -> Value {
         "input": { "faces": m.input_faces, "vertices": m.input_vertices },
         "output": { "faces": m.faces, "vertices": m.vertices },
     })
+}
+
+/// Returns the counts of a repair.
+pub fn cleaned(r: &CleanReport) -> Value {
+    let (done, left) = clean_counts(r);
+    json!({
+        "input": { "faces": r.input_faces, "vertices": r.input_vertices },
+        "output": { "faces": r.faces, "vertices": r.vertices },
+        "done": by_name(done), "left": by_name(left),
+    })
+}
+
+/// Returns a comparison.
+pub fn comparison(c: &Comparison) -> Value {
+    let relative = |x: &TwoWay| if c.diagonal > 0.0 { x.symmetric / c.diagonal } else { 0.0 };
+    let mut all = measured_json(c);
+    let more = json!({
+        "p99": both_ways(&c.p99),
+        "relative_to_diagonal": {
+            "hausdorff": relative(&c.hausdorff), "mean": relative(&c.mean), "rms": relative(&c.rms),
+        },
+        "diagonal": c.diagonal,
+        "normal_deviation_deg": { "mean": c.normal_mean_deg, "p95": c.normal_p95_deg },
+        "samples": c.samples, "seed": c.seed,
+    });
+    extend(&mut all, more);
+    all
 }
 
 /// Returns the measured distances as JSON.
@@ -135,6 +162,36 @@ pub fn cleanup(report: &Report) -> [(&'static str, usize); 5] {
         ("non_finite_faces", c.non_finite_faces),
         ("unused_vertices", c.unused_vertices),
     ]
+}
+
+/// A count with its name in reports.
+pub type Count = (&'static str, usize);
+
+/// Returns the counts of a repair by name: first the repairs, then the remaining defects.
+pub fn clean_counts(r: &CleanReport) -> ([Count; 12], [Count; 6]) {
+    let done = [
+        ("welded_vertices", r.welded_vertices),
+        ("non_finite_faces", r.non_finite_faces),
+        ("degenerate_faces", r.degenerate_faces),
+        ("duplicate_faces", r.duplicate_faces),
+        ("back_faces", r.back_faces),
+        ("pruned_parts", r.pruned.parts),
+        ("pruned_faces", r.pruned.faces),
+        ("flipped_faces", r.flipped_faces),
+        ("zero_area_faces", r.zero_area_faces),
+        ("parted_vertices", r.parted_vertices),
+        ("sewn_edges", r.sewn_edges),
+        ("unused_vertices", r.unused_vertices),
+    ];
+    let left = [
+        ("border_edges", r.remaining.border_edges),
+        ("non_manifold_edges", r.remaining.non_manifold_edges),
+        ("non_manifold_vertices", r.remaining.non_manifold_vertices),
+        ("misoriented_edges", r.remaining.misoriented_edges),
+        ("opposite_faces", r.remaining.opposite_faces),
+        ("zero_area_faces", r.remaining.zero_area_faces),
+    ];
+    (done, left)
 }
 
 /// Returns the targets of a run by name.

@@ -430,7 +430,9 @@ def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int
     -------
     dict
         ``hausdorff``, ``mean``, ``rms`` and ``p99``, each ``forward`` (reference to candidate), ``backward`` and
-        ``symmetric``, in the units of the meshes; ``diagonal`` of the reference; ``normal_mean_deg`` in degrees.
+        ``symmetric``, in the units of the meshes; ``diagonal`` of the reference; and the other keys of ``lodsmith
+        compare --json`` that do not need files or attributes. ``normal_mean_deg`` and ``normal_p95_deg`` are
+        ``normal_deviation_deg``.
 
     Examples
     --------
@@ -476,7 +478,8 @@ def clean(
 
     Returns
     -------
-    Result, or a mesh of the kind that was passed; the report counts repairs and remaining defects.
+    Result, or a mesh of the kind that was passed; the report has ``done`` and ``left`` as ``lodsmith clean --json``.
+    The counts of ``done`` are in the report itself, too, and ``remaining`` is ``left``.
 
     Examples
     --------

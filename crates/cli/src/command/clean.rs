@@ -1,6 +1,7 @@
 //! Text that `lodsmith clean` prints.
 
-use lodsmith_asset::{CleanOutcome, clean_counts};
+use lodsmith_asset::CleanOutcome;
+use lodsmith_asset::report_json::clean_counts;
 
 use crate::numbers::{grouped, seconds};
 use crate::output::Output;

@@ -13,7 +13,7 @@ use lodsmith::core::measure::{
 use lodsmith::core::spatial::{Bvh, Hint};
 use lodsmith::core::{Image, TriMesh, VertexId};
 use lodsmith_asset::memory_need::{self, Size};
-use lodsmith_asset::report_json::both_ways;
+use lodsmith_asset::report_json::{self, both_ways};
 use lodsmith_asset::warnings::viewing_warnings;
 use lodsmith_asset::{Sink, paths, picture};
 use lodsmith_io::{Format, Loaded, Warning, WriteOptions};
@@ -58,7 +58,8 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Status> {
         show_warnings(&out, &source.to_string(), &viewing_warnings(&loaded.warnings), false);
         warnings.extend(loaded.warnings.iter().map(|warning| format!("{source}: {warning}")));
     }
-    let mut object = to_json(&comparison, &attributes, &warnings);
+    let mut object = report_json::comparison(&comparison);
+    (object["attributes"], object["warnings"]) = (attributes_json(&attributes), warnings.into());
     if let Some(views) = &views {
         object["image"] = views.to_json();
     }
@@ -156,27 +157,6 @@ fn write_heatmap(reference: &TriMesh, candidate: &TriMesh, path: &Path, force: b
         })?;
     }
     Ok(red)
-}
-
-fn to_json(c: &Comparison, attributes: &AttributeErrors, warnings: &[String]) -> Value {
-    let relative = |x: f64| if c.diagonal > 0.0 { x / c.diagonal } else { 0.0 };
-    json!({
-        "hausdorff": both_ways(&c.hausdorff),
-        "mean": both_ways(&c.mean),
-        "rms": both_ways(&c.rms),
-        "p99": both_ways(&c.p99),
-        "relative_to_diagonal": {
-            "hausdorff": relative(c.hausdorff.symmetric),
-            "mean": relative(c.mean.symmetric),
-            "rms": relative(c.rms.symmetric),
-        },
-        "diagonal": c.diagonal,
-        "normal_deviation_deg": { "mean": c.normal_mean_deg, "p95": c.normal_p95_deg },
-        "samples": c.samples,
-        "seed": c.seed,
-        "attributes": attributes_json(attributes),
-        "warnings": warnings,
-    })
 }
 
 /// Returns the attributes that were compared: name, unit, errors.
