@@ -11,7 +11,7 @@ pub mod words;
 use std::path::Path;
 use std::sync::Arc;
 
-use lodsmith_core::Image;
+use lodsmith_core::{Image, Model, TriMesh};
 use lodsmith_io::{ReadOptions, Warning};
 use lodsmith_render::{Background, Environment, PictureError, decode};
 use serde_json::{Value, json};
@@ -63,11 +63,8 @@ pub fn render(
     paths::at_most_one_stream(inputs.iter().chain(&recipe.compare))?;
     recipe.check()?;
     job.enter(Step::Read);
-    let mut images = images(recipe)?;
+    let images = images(recipe)?;
     let mut items = item::read_all(inputs, reading, recipe, job)?;
-    if recipe.environment == Surroundings::Auto && wants_studio(recipe, &items) {
-        images.environment = Some(Arc::new(Environment::studio()));
-    }
     check_memory(recipe, &items, job)?;
     if recipe.is_measured() {
         distances::measure(&mut items)?;
@@ -97,6 +94,21 @@ pub fn render(
     })
 }
 
+/// Renders a mesh like a file that has only this mesh. `values` are those of its vertices for
+/// [`Shading::Heat`](lodsmith_render::Shading::Heat).
+///
+/// # Errors
+/// [`AssetError::Render`] for a wrong number of values and for a wrong size; those of reading images.
+pub fn render_mesh(
+    mesh: TriMesh,
+    values: Option<Vec<f32>>,
+    recipe: &PictureRecipe,
+) -> Result<Image, AssetError> {
+    let mut item = Item::upright(String::new(), Model::of_mesh(mesh), recipe);
+    item.distances = values.map(|values| vec![values]);
+    Drawing::new(recipe, &[item], images(recipe)?)?.draw_alone()
+}
+
 /// Reads the images of a recipe.
 fn images(recipe: &PictureRecipe) -> Result<Images, AssetError> {
     fn read<T>(path: &Path, decode: fn(&[u8]) -> Result<T, PictureError>) -> Result<Arc<T>, AssetError> {
@@ -111,12 +123,6 @@ fn images(recipe: &PictureRecipe) -> Result<Images, AssetError> {
         Surroundings::File(path) => Some(read(path, Environment::decode)?),
     };
     Ok(Images { matcap, environment })
-}
-
-/// Returns true if the automatic environment is the studio: metal without an environment has little to reflect.
-fn wants_studio(recipe: &PictureRecipe, items: &[Item]) -> bool {
-    let is_background = matches!(recipe.background, Background::Environment { .. });
-    is_background || items.iter().any(|item| item.model.has_metal())
 }
 
 fn check_memory(recipe: &PictureRecipe, items: &[Item], job: &Job<'_>) -> Result<(), AssetError> {
@@ -147,5 +153,40 @@ impl PictureOutcome {
             "seconds": micros(self.clock.total()),
             "warnings": self.warnings.iter().flat_map(named).collect::<Vec<_>>(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith::NoControl;
+
+    use super::*;
+    use crate::destination::Up;
+
+    /// Fault: a mesh had no margin, and its camera other angles where only one was given.
+    #[test]
+    fn a_mesh_has_the_picture_of_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fin.obj");
+        std::fs::write(&path, "v 0 0 0\nv 5 0 0\nv 0 2 0\nv 1 0 .5\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+            .unwrap();
+        let places = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.5]];
+        let mesh = TriMesh::from_indexed(&places, &[0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]).unwrap();
+        let iso = Viewpoint::default();
+        let side = Viewpoint { azimuth_deg: Some(200.0), ..iso };
+        let mut before = None;
+        for (viewpoint, up) in [(iso, Up::Y), (iso, Up::Z), (side, Up::Y)] {
+            let recipe = PictureRecipe { viewpoint, up, size: Some([64, 48]), ..PictureRecipe::default() };
+            let mut watch = NoControl;
+            let mut job = Job::new(&mut watch, None, u64::MAX);
+            let input = [Source::Path(path.clone())];
+            let of_file = render(&input, &ReadOptions::default(), &recipe, None, &mut job).unwrap().picture;
+            assert!(of_file != before, "{viewpoint:?} {up:?}: nothing has changed");
+            assert!(
+                Some(render_mesh(mesh.clone(), None, &recipe).unwrap()) == of_file,
+                "{viewpoint:?} {up:?}"
+            );
+            before = of_file;
+        }
     }
 }

@@ -106,13 +106,13 @@ def render(
         words["range"] = ",".join(str(float(x)) for x in range)
     if transparent:
         words["background"] = "transparent"
+    if color is not None:
+        words["color"] = "#" + "".join(f"{round(255 * x):02x}" for x in color)
     if isinstance(mesh, (str, os.PathLike)):
         if triangles is not None:
             raise TypeError("render() of a file takes one path; save the image with .save(path)")
         if heat is not None:
             raise TypeError("heat= is for arrays and meshes; for files, use compare= and shading='heat'")
-        if color is not None:
-            words["color"] = "#" + "".join(f"{round(255 * x):02x}" for x in color)
         return job("render", [mesh], {**words, **options}).view(Picture)
     if options:
         raise TypeError(f"render() of a mesh has no keyword {next(iter(options))!r}")
@@ -120,7 +120,7 @@ def render(
     values = None
     if heat is not None:
         values = _by_place(np.asarray(heat, np.float32), given)
-    return _native.render(to_native(given), words, color, values).view(Picture)
+    return _native.render(to_native(given), words, values).view(Picture)
 
 
 def _by_place(values: np.ndarray, mesh: MeshArrays) -> Any:

@@ -13,7 +13,7 @@ use web_time::Instant;
 use super::camera::{MARGIN, NO_BOUNDS, aspect};
 use super::distances::largest;
 use super::item::Item;
-use super::recipe::PictureRecipe;
+use super::recipe::{PictureRecipe, Surroundings};
 use crate::error::AssetError;
 use crate::report_json::micros;
 
@@ -87,8 +87,11 @@ impl<'a> Drawing<'a> {
     pub(super) fn new(
         recipe: &'a PictureRecipe,
         items: &'a [Item],
-        images: Images,
+        mut images: Images,
     ) -> Result<Self, AssetError> {
+        if recipe.environment == Surroundings::Auto && wants_studio(recipe, items) {
+            images.environment = Some(Arc::new(Environment::studio()));
+        }
         let size = recipe.size(items.len());
         let mut shown: Vec<Shown<'a>> = Vec::with_capacity(items.len());
         for item in items {
@@ -147,13 +150,20 @@ impl<'a> Drawing<'a> {
         Ok(sheet(&panels, columns, self.recipe.background, legend.as_ref()))
     }
 
+    /// Renders the only item without a legend; the colours of its values are in the requested range, or in theirs.
+    pub(super) fn draw_alone(mut self) -> Result<Image, AssetError> {
+        self.heat_range = None;
+        Ok(render(&self.shown[0].subject, &self.view(self.shown[0].camera, self.shown[0].shading))?)
+    }
+
     /// True if the result is a contact sheet, with captions or a legend on a common background.
     fn is_sheet(&self) -> bool {
         self.shown.len() > 1 || self.heat_range.is_some()
     }
 
     fn view(&self, camera: Camera, shading: Shading) -> View {
-        let mut view = self.recipe.view(camera, self.size, shading, self.heat_range);
+        let mut view = self.recipe.view(camera, self.size, shading);
+        view.look.heat_range = self.heat_range.or(view.look.heat_range);
         view.matcap = self.images.matcap.clone();
         view.environment = self.images.environment.clone();
         if self.is_sheet() {
@@ -161,6 +171,12 @@ impl<'a> Drawing<'a> {
         }
         view
     }
+}
+
+/// Returns true if the automatic environment is the studio: metal without an environment has little to reflect.
+fn wants_studio(recipe: &PictureRecipe, items: &[Item]) -> bool {
+    let is_background = matches!(recipe.background, Background::Environment { .. });
+    is_background || items.iter().any(|item| item.model.has_metal())
 }
 
 /// Returns the requested shading, or that which the file intends.

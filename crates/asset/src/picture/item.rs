@@ -67,6 +67,14 @@ pub(super) fn read_all(
 }
 
 impl Item {
+    /// Returns an item with the y axis up.
+    pub(super) fn upright(path: String, mut model: Model, recipe: &PictureRecipe) -> Self {
+        if recipe.up == Up::Z {
+            rotate_z_up(&mut model);
+        }
+        Self::new(path, model)
+    }
+
     fn new(path: String, model: Model) -> Self {
         let (warnings, level, reference) = (Vec::new(), None, None);
         Self { path, model, warnings, level, reference, distances: None, diagonal: 0.0, moment: None }
@@ -81,12 +89,10 @@ impl Item {
         let named = |why: AssetError| why.of(source);
         let file = read_model(source, reading, job).map_err(named)?;
         let asset = Asset::of_model(&file, source.clone());
-        let ModelFile { mut model, warnings, .. } = file;
-        if recipe.up == Up::Z {
-            rotate_z_up(&mut model);
-        }
-        let moment = Moment::of(recipe, &model).map_err(named)?;
-        Ok((Self { warnings, moment, ..Self::new(source.to_string(), model) }, asset))
+        let ModelFile { model, warnings, .. } = file;
+        let item = Self::upright(source.to_string(), model, recipe);
+        let moment = Moment::of(recipe, &item.model).map_err(named)?;
+        Ok((Self { warnings, moment, ..item }, asset))
     }
 
     /// Returns a simplified level with the materials and nodes of the original. `asset` is the file.

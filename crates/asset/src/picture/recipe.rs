@@ -143,20 +143,14 @@ impl PictureRecipe {
     }
 
     /// Returns the size of each of `count` pictures, in pixels.
-    pub fn size(&self, count: usize) -> [usize; 2] {
+    pub(super) fn size(&self, count: usize) -> [usize; 2] {
         self.size.unwrap_or(if count > 1 { [480, 480] } else { [1200, 800] })
     }
 
     /// Returns the view of a camera, without the images of the recipe.
-    pub fn view(
-        &self,
-        camera: Camera,
-        [width, height]: [usize; 2],
-        shading: Shading,
-        heat_range: Option<[f32; 2]>,
-    ) -> View {
+    pub(super) fn view(&self, camera: Camera, [width, height]: [usize; 2], shading: Shading) -> View {
         let mut view = View::new(camera, width, height);
-        view.look = Look { shading, heat_range, ..self.look.clone() };
+        view.look = Look { shading, ..self.look.clone() };
         view.background = self.background;
         view.ground = self.ground;
         view.occlusion = self.occlusion;
