@@ -79,6 +79,11 @@ pub(crate) fn with_keywords(mut text: String) -> String {
     text
 }
 
+/// Returns the exception for a job whose options were rejected, or that failed.
+pub(crate) fn asset_error(error: &AssetError) -> PyErr {
+    PyValueError::new_err(text_of(error))
+}
+
 /// Returns the text of an error, with options spelled as keywords.
 pub(crate) fn text_of(error: &AssetError) -> String {
     match error {

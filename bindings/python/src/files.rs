@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use lodsmith_io::gltf::{Compression, Packing};
-use lodsmith_io::{AssetScope, Format, ReadOptions, Regions, Textures, WriteError, WriteOptions, machine};
+use lodsmith_asset::Job;
+use lodsmith_asset::request::Verb;
+use lodsmith_io::{AssetScope, Format, ReadOptions, Regions, WriteError, WriteOptions};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -12,9 +13,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{MeshArrays, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, spelled};
-
-/// Share of the memory of the machine that a file may use, as in the command.
-const MEMORY_SHARE: f64 = 0.75;
+use crate::json::options_of_job;
 
 /// Descriptions of the regions of a mesh that was read: materials, groups, their files.
 #[pyclass(frozen)]
@@ -52,9 +51,7 @@ pub(crate) fn load<'py>(
         None if allow_outside => AssetScope::Anywhere,
         None => AssetScope::Folder,
     };
-    if let Some(memory) = machine::memory_limit() {
-        options.limits.memory = (memory as f64 * MEMORY_SHARE) as u64;
-    }
+    options.limits.memory = Job::default_memory();
     // Raises exceptions of the operating system, such as FileNotFoundError.
     std::fs::File::open(&path).map_err(|e| os_error(py, &e, &path))?;
     let loaded = Watch::default().run(py, |_| lodsmith_io::read_path(&path, &options))?;
@@ -80,34 +77,22 @@ fn os_error(py: Python<'_>, error: &std::io::Error, path: &std::path::Path) -> P
     }
 }
 
-/// Keywords of writing a mesh.
-#[derive(FromPyObject)]
-pub(crate) struct WriteKeywords {
-    to: Option<String>,
-    ascii: bool,
-    textures: String,
-    force: bool,
-    compress: String,
-    quantize: bool,
-    materials: Option<Py<Materials>>,
-}
-
 /// Writes a mesh; returns warnings about data that the format cannot store.
 #[pyfunction]
 pub(crate) fn save<'py>(
     py: Python<'py>,
     mesh: MeshArrays<'py>,
     path: PathBuf,
-    keywords: WriteKeywords,
+    to: Option<&str>,
+    materials: Option<Py<Materials>>,
+    writing: &Bound<'py, PyDict>,
 ) -> PyResult<Vec<String>> {
     let mut options = WriteOptions::default();
-    options.format = format(keywords.to.as_deref())?;
-    options.ascii = keywords.ascii;
-    options.force = keywords.force;
-    options.textures = word("textures", &keywords.textures, &Textures::ALL, Textures::name)?;
-    let compression = word("compress", &keywords.compress, &Compression::ALL, Compression::name)?;
-    options.packing = Packing::new(compression, keywords.quantize);
-    options.regions = keywords.materials.map(|m| m.get().0.clone());
+    options.format = format(to)?;
+    let writing = options_of_job(Verb::Convert, writing)?.writing;
+    (options.ascii, options.force) = (writing.ascii, writing.force);
+    (options.textures, options.packing) = (writing.textures, writing.packing);
+    options.regions = materials.map(|m| m.get().0.clone());
     let mesh = mesh.mesh(py)?;
     let written = Watch::default().run(py, |_| lodsmith_io::write_path(&mesh, &path, &options))?;
     let failed = |e: WriteError| {
@@ -119,11 +104,4 @@ pub(crate) fn save<'py>(
         })
     };
     Ok(written.map_err(failed)?.warnings.iter().map(|w| spelled(&w.text)).collect())
-}
-
-fn word<T: Copy>(option: &str, given: &str, all: &[T], name: fn(T) -> &'static str) -> PyResult<T> {
-    all.iter().copied().find(|x| name(*x) == given).ok_or_else(|| {
-        let names: Vec<_> = all.iter().map(|x| name(*x)).collect();
-        PyValueError::new_err(format!("{option}: one of {} is expected, not {given:?}", names.join(", ")))
-    })
 }

@@ -2,10 +2,14 @@
 
 use std::path::PathBuf;
 
+use lodsmith_asset::request::{FileOptions, Request, Verb};
+use lodsmith_asset::warnings::Spelling;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat, PyList, PyMapping};
 use serde_json::{Map, Number, Value};
+
+use crate::errors::asset_error;
 
 /// Converts a JSON value to Python types.
 pub(crate) fn to_python<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
@@ -41,6 +45,12 @@ pub(crate) fn options_of_python(given: &Bound<'_, PyDict>) -> PyResult<Map<Strin
         Ok((name, value))
     };
     given.iter().map(one).collect()
+}
+
+/// Reads the options of a job by name; those that are not given have their defaults.
+pub(crate) fn options_of_job(verb: Verb, given: &Bound<'_, PyDict>) -> PyResult<FileOptions> {
+    let request = Request::new(verb, &options_of_python(given)?, Spelling::Keyword);
+    Ok(request.map_err(|e| asset_error(&e))?.options().clone())
 }
 
 /// Converts a value of a Python type, a NumPy value or a path to JSON.

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use lodsmith::core::TriMesh;
-use lodsmith::options::by_name::from_names;
-use lodsmith::{Input, Length, Levels, LodOptions, Measure, Progressive, Screen};
+use lodsmith::{Input, Progressive};
+use lodsmith_asset::request::Verb;
 use lodsmith_io::ReadOptions;
 use lodsmith_io::lpm::{self, LpmOptions};
 use pyo3::exceptions::{PyOSError, PyValueError};
@@ -14,63 +14,23 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::arrays::{MeshArrays, positions_array, to_arrays};
 use crate::control::Watch;
-use crate::errors::{mesh_error, spelled};
+use crate::errors::{asset_error, mesh_error, spelled};
+use crate::json::options_of_job;
 use crate::run::{RunKeywords, simplified};
-
-/// The levels to make: one of these.
-#[derive(FromPyObject)]
-pub(crate) struct LevelKeywords {
-    ratios: Option<Vec<f64>>,
-    faces: Option<Vec<usize>>,
-    count: Option<usize>,
-    factor: f64,
-    errors: Option<Vec<String>>,
-    geomorph: bool,
-    /// Vertical field of view in degrees, height of the screen and largest deviation in pixels.
-    screen: (f64, f64, f64),
-}
-
-impl LevelKeywords {
-    fn levels(&self) -> PyResult<Levels> {
-        Ok(match (&self.ratios, &self.faces, self.count, &self.errors) {
-            (Some(ratios), None, None, None) => Levels::Ratios(ratios.clone()),
-            (None, Some(faces), None, None) => Levels::Faces(faces.clone()),
-            (None, None, Some(count), None) => Levels::Steps { count, factor: self.factor },
-            (None, None, None, Some(errors)) => Levels::Errors(lengths(errors)?),
-            _ => {
-                let text = "lod: exactly one of levels, faces, count and errors is needed";
-                return Err(PyValueError::new_err(text));
-            }
-        })
-    }
-}
-
-fn lengths(texts: &[String]) -> PyResult<Vec<Length>> {
-    let length = |text: &String| {
-        let options = from_names(&[("error", text.as_str().into())])
-            .map_err(|e| PyValueError::new_err(e.to_string().replacen("error", "errors", 1)))?;
-        Ok(options.stop.error.unwrap_or(Length::Units(0.0)))
-    };
-    texts.iter().map(length).collect()
-}
 
 /// Makes levels of detail, each with its switching distance, and with positions on the next level if requested.
 #[pyfunction]
 pub(crate) fn lod<'py>(
     py: Python<'py>,
     mesh: MeshArrays<'py>,
-    levels: LevelKeywords,
+    levels: &Bound<'py, PyDict>,
     keywords: RunKeywords<'py>,
 ) -> PyResult<(Bound<'py, PyList>, Bound<'py, PyList>)> {
-    let mut options = LodOptions::new(levels.levels()?);
+    let levels = options_of_job(Verb::Lod, levels)?;
+    let mut options = levels.levels().map_err(|e| asset_error(&e))?;
+    let measure = options.simplify.measure;
     options.simplify = keywords.options()?;
-    // Switching distances are computed from measured errors.
-    options.simplify.measure = Measure::Always;
-    options.geomorph = levels.geomorph;
-    let (fov, height, pixels) = levels.screen;
-    let screen = Screen::new(fov, height, pixels).ok_or_else(|| {
-        PyValueError::new_err("fov, height, pixels: a field of view below 180 and sizes above 0 are expected")
-    })?;
+    options.simplify.measure = measure;
     let (mesh, data) = (mesh.mesh(py)?, keywords.data()?);
     let input = Input::new(&mesh).with(data.view());
     let chain = keywords.run(py, |run| lodsmith::lod_with(&input, &options, run))?;
@@ -82,7 +42,7 @@ pub(crate) fn lod<'py>(
     }
     let list = PyList::empty(py);
     for (k, level) in chain.levels.into_iter().enumerate() {
-        let distance = screen.distance(lodsmith::lod::error_of(&level.report));
+        let distance = levels.screen.distance(lodsmith::lod::error_of(&level.report));
         let name = format!("level {}: ", k + 1);
         let arrays = simplified(py, level, &options.simplify, keywords.time_limit, &name)?;
         arrays.set_item("distance", distance)?;

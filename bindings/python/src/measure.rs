@@ -2,8 +2,8 @@
 
 use lodsmith::core::measure::{CompareOptions, MeasureError, compare as measured};
 use lodsmith::core::{Source, correspondence};
-use lodsmith::{CleanOptions, NonManifold};
 use lodsmith_asset::MeshFacts;
+use lodsmith_asset::request::Verb;
 use numpy::IntoPyArray as _;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{MeshArrays, matrix, to_arrays};
 use crate::control::Watch;
 use crate::errors::{empty_mesh, mesh_error};
-use crate::json::to_python;
+use crate::json::{options_of_job, to_python};
 use crate::report;
 use crate::run::RunKeywords;
 
@@ -22,10 +22,10 @@ pub(crate) fn compare<'py>(
     py: Python<'py>,
     reference: MeshArrays<'py>,
     candidate: MeshArrays<'py>,
-    samples: usize,
-    seed: u64,
+    samples: Option<usize>,
+    seed: Option<u64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    if samples == 0 {
+    if samples == Some(0) {
         return Err(PyValueError::new_err("samples: a whole number of at least 1 is expected, not 0"));
     }
     let (reference, candidate) = (reference.typed()?, candidate.typed()?);
@@ -33,7 +33,8 @@ pub(crate) fn compare<'py>(
     let wrong = |e| mesh_error(py, &e);
     let (reference, candidate) = (reference.surface().map_err(wrong)?, candidate.surface().map_err(wrong)?);
     let mut options = CompareOptions::default();
-    (options.samples, options.seed) = (samples, seed);
+    options.samples = samples.unwrap_or(options.samples);
+    options.seed = seed.unwrap_or(options.seed);
     let found = Watch::default()
         .run(py, |_| measured(&reference, &candidate, &options))?
         .map_err(|e| empty(py, &e))?;
@@ -93,20 +94,12 @@ pub(crate) fn source_map<'py>(
 pub(crate) fn clean<'py>(
     py: Python<'py>,
     mesh: MeshArrays<'py>,
-    non_manifold: &str,
+    repairs: &Bound<'py, PyDict>,
     keywords: RunKeywords<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let lengths = keywords.options()?;
-    let mut options = CleanOptions::default();
+    let mut options = options_of_job(Verb::Clean, repairs)?.clean;
     (options.weld, options.prune) = (lengths.weld, lengths.prune);
-    let names = || NonManifold::ALL.map(NonManifold::name).join(", ");
-    options.non_manifold =
-        NonManifold::ALL.into_iter().find(|x| x.name() == non_manifold).ok_or_else(|| {
-            PyValueError::new_err(format!(
-                "non_manifold: one of {} is expected, not {non_manifold:?}",
-                names()
-            ))
-        })?;
     let mesh = mesh.mesh(py)?;
     let done = keywords.run(py, |run| lodsmith::clean(&mesh, &options, run))?;
     let report = to_python(py, &report::cleaned(&done.report))?;

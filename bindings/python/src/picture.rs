@@ -1,10 +1,8 @@
 //! Images of meshes, and images as arrays.
 
 use lodsmith::core::Image;
-use lodsmith_asset::AssetError;
 use lodsmith_asset::picture::render_mesh;
-use lodsmith_asset::request::{Request, Verb};
-use lodsmith_asset::warnings::Spelling;
+use lodsmith_asset::request::Verb;
 use lodsmith_render::{PictureFormat, Shading, encode};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,8 +10,8 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{MeshArrays, matrix};
 use crate::control::Watch;
-use crate::errors::{empty_mesh, text_of};
-use crate::json::options_of_python;
+use crate::errors::{asset_error, empty_mesh};
+use crate::json::options_of_job;
 
 /// Renders a mesh with the options of `render` for files; `heat` has a value for each vertex. Returns red, green, blue
 /// and alpha, rows from the top.
@@ -24,10 +22,7 @@ pub(crate) fn render<'py>(
     options: &Bound<'py, PyDict>,
     heat: Option<Vec<f32>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let wrong = |e: AssetError| PyValueError::new_err(text_of(&e));
-    let request =
-        Request::new(Verb::Render, &options_of_python(options)?, Spelling::Keyword).map_err(wrong)?;
-    let mut recipe = request.options().picture.clone();
+    let mut recipe = options_of_job(Verb::Render, options)?.picture;
     if heat.is_some() {
         recipe.shading.get_or_insert(Shading::Heat);
     } else if recipe.shading == Some(Shading::Heat) {
@@ -37,8 +32,8 @@ pub(crate) fn render<'py>(
     if mesh.face_count() == 0 {
         return Err(empty_mesh(py, "the mesh has no faces to render"));
     }
-    let picture = Watch::default().run(py, |_| render_mesh(mesh, heat, &recipe))?.map_err(wrong)?;
-    pixels_array(py, &picture)
+    let picture = Watch::default().run(py, |_| render_mesh(mesh, heat, &recipe))?;
+    pixels_array(py, &picture.map_err(|e| asset_error(&e))?)
 }
 
 /// Returns an image as a PNG file.

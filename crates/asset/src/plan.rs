@@ -19,13 +19,6 @@ pub struct Assignment {
     pub output: Option<Destination>,
 }
 
-impl Assignment {
-    /// Returns true if a scene stays a scene in the output.
-    pub fn keeps_scenes(&self) -> bool {
-        self.output.as_ref().is_some_and(Destination::keeps_scenes)
-    }
-}
-
 /// The requested destinations of results.
 pub struct Outputs<'a> {
     /// The inputs.

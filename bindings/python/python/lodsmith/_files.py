@@ -15,32 +15,15 @@ from ._progress import Reporting
 Path = Union[str, "os.PathLike[str]"]
 
 
-class _Writing:
-    """Keywords of writing a mesh, whose attributes the extension module reads."""
-
-    def __init__(
-        self,
-        to: Optional[str],
-        ascii: bool,
-        textures: str,
-        force: bool,
-        compress: str,
-        quantize: bool,
-        materials: Any,
-    ) -> None:
-        self.to, self.ascii, self.textures, self.force = to, ascii, textures, force
-        self.compress, self.quantize, self.materials = compress, quantize, materials
-
-
 def save(
     mesh: Any,
     path: Path,
     *,
     format: Optional[str] = None,
     ascii: bool = False,
-    textures: str = "copy",
+    textures: Optional[str] = None,
     force: bool = False,
-    compress: str = "none",
+    compress: Optional[str] = None,
     quantize: bool = False,
 ) -> None:
     """Write a mesh to a file; the extension determines the format.
@@ -53,7 +36,7 @@ def save(
     ascii : bool
         Write text instead of binary (PLY, STL).
     textures : str
-        ``"copy"`` material and image files beside the output (OBJ, .gltf), ``"link"`` to them, or ``"none"``.
+        ``"copy"`` (the default) material and image files beside the output (OBJ, .gltf), ``"link"`` to them, or ``"none"``.
     force : bool
         Also replace a write-protected file.
     compress : str
@@ -62,10 +45,10 @@ def save(
         Round the attributes of glTF and GLB to fewer bits, like ``--quantize`` of the command.
     """
     given = MeshArrays(*mesh) if isinstance(mesh, tuple) else arguments(mesh, None, None)[0]
-    writing = _Writing(format, bool(ascii), textures, bool(force), compress, bool(quantize), given._materials)
+    options = dict(ascii=bool(ascii), textures=textures, force=bool(force), compress=compress, quantize=bool(quantize))
     sent = to_native(given)
     warn_of_lost_integers(path, sent)
-    for text in _native.save(sent, os.fspath(path), writing):
+    for text in _native.save(sent, os.fspath(path), format, given._materials, options):
         warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
 
 

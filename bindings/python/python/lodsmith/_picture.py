@@ -43,17 +43,17 @@ def render(
     /,
     *,
     size: Tuple[int, int] = (800, 600),
-    view: str = "iso",
+    view: Optional[str] = None,
     azimuth: Optional[float] = None,
     elevation: Optional[float] = None,
-    up: str = "y",
+    up: Optional[str] = None,
     shading: Optional[str] = None,
     color: Optional[Tuple[float, float, float]] = None,
     wireframe: bool = False,
     borders: bool = False,
     heat: Any = None,
     range: Optional[Tuple[float, float]] = None,
-    colors: str = "turbo",
+    colors: Optional[str] = None,
     transparent: bool = False,
     fine: bool = False,
     **options: Any,
@@ -68,11 +68,11 @@ def render(
     size : (int, int)
         Width and height in pixels.
     view : str
-        ``"iso"``, ``"front"``, ``"back"``, ``"left"``, ``"right"``, ``"top"`` or ``"bottom"``.
+        ``"iso"`` (the default), ``"front"``, ``"back"``, ``"left"``, ``"right"``, ``"top"`` or ``"bottom"``.
     azimuth, elevation : float, optional
         Angles of the camera in degrees, from the front to the right and above the horizon, instead of ``view``.
     up : str
-        The axis that points up: ``"y"`` or ``"z"``.
+        The axis that points up: ``"y"`` (the default) or ``"z"``.
     shading : str, optional
         ``"smooth"``, ``"flat"``, ``"vertex-colors"``, ``"normals"``, ``"matcap"`` or ``"heat"``.
     heat : array, shape (n,), optional
@@ -80,7 +80,7 @@ def render(
     range : (float, float), optional
         Values at the ends of the colour scale; by default 0 and the largest.
     colors : str
-        Colour scale of ``heat``: ``"turbo"``, ``"viridis"`` or ``"diverging"``.
+        Colour scale of ``heat``: ``"turbo"`` (the default), ``"viridis"`` or ``"diverging"``.
     fine : bool
         Use 16 samples for each pixel instead of 4.
 

@@ -240,12 +240,12 @@ def lod(
     levels: Optional[Sequence[float]] = None,
     faces: Optional[Sequence[int]] = None,
     count: Optional[int] = None,
-    factor: float = 0.5,
+    factor: Optional[float] = None,
     errors: Optional[Sequence[Any]] = None,
     geomorph: bool = False,
-    pixels: float = 1.0,
-    fov: float = 60.0,
-    height: float = 1080.0,
+    pixels: Optional[float] = None,
+    fov: Optional[float] = None,
+    height: Optional[float] = None,
     attributes: Optional[Mapping[str, Any]] = None,
     locked: Any = None,
     importance: Any = None,
@@ -262,14 +262,14 @@ def lod(
     faces : sequence of int
         Numbers of triangles, in falling order.
     count, factor : int, float
-        Number of levels, and the fraction of the triangles of the previous level that each level keeps.
+        Number of levels, and the fraction of the triangles of the previous level that each level keeps (0.5).
     errors : sequence of float or str
         Largest deviations, in rising order, in units of the mesh or as shares of the diagonal (``"0.1%"``).
     geomorph : bool
         Also compute the position of each vertex on the next coarser level.
     pixels, fov, height : float
-        Largest permitted deviation on the screen in pixels, vertical field of view in degrees, and height of the screen
-        in pixels, for :attr:`Level.distance`.
+        Largest permitted deviation on the screen in pixels (1), vertical field of view in degrees (60), and height of
+        the screen in pixels (1080), for :attr:`Level.distance`.
 
     Other parameters are those of :func:`simplify`.
 
@@ -288,14 +288,9 @@ def lod(
         if options.get(name) is not None:
             raise TypeError(f"lod() takes levels=, faces=, count= or errors= instead of {name}=")
     given, kind, own = arguments(mesh, triangles, attributes)
-    requested = SimpleNamespace(
-        ratios=None if levels is None else [float(x) for x in levels],
-        faces=None if faces is None else [int(x) for x in faces],
-        count=count,
-        factor=float(factor),
-        errors=None if errors is None else [str(x) for x in errors],
-        geomorph=bool(geomorph),
-        screen=(float(fov), float(height), float(pixels)),
+    requested = dict(
+        levels=levels, faces=faces, count=count, factor=factor, errors=errors, geomorph=bool(geomorph),
+        pixels=pixels, fov=fov, height=height,
     )
     with Reporting(progress) as reporting:
         keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
@@ -414,7 +409,7 @@ class Progressive:
         return f"<lodsmith.Progressive: {len(self)} levels>"
 
 
-def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int = 0) -> Dict[str, Any]:
+def compare(reference: Any, candidate: Any, *, samples: Optional[int] = None, seed: Optional[int] = None) -> Dict[str, Any]:
     """Measure the distance between two meshes in both directions.
 
     Parameters
@@ -422,7 +417,7 @@ def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int
     reference, candidate : meshes, or paths of files
         The original and the mesh to compare with it. A pair of arrays ``(vertices, faces)`` is a mesh too.
     samples : int
-        Samples in each direction, spread by area; all vertices are measured in addition.
+        Samples in each direction (200 000), spread by area; all vertices are measured in addition.
     seed : int
         Equal seeds give equal numbers.
 
@@ -442,7 +437,7 @@ def compare(reference: Any, candidate: Any, *, samples: int = 200_000, seed: int
     True
     """
     meshes = [to_native(_any_mesh(mesh)) for mesh in (reference, candidate)]
-    return _native.compare(*meshes, int(samples), int(seed))
+    return _native.compare(*meshes, *(None if x is None else int(x) for x in (samples, seed)))
 
 
 def _any_mesh(mesh: Any) -> MeshArrays:
@@ -459,7 +454,7 @@ def clean(
     /,
     *,
     weld: Any = None,
-    non_manifold: str = "keep",
+    non_manifold: Optional[str] = None,
     prune: Any = None,
     attributes: Optional[Mapping[str, Any]] = None,
     progress: Any = None,
@@ -472,7 +467,7 @@ def clean(
         Merge vertices closer than this, in units or as a share of the diagonal (``"0.1%"``); by default only coincident
         vertices are merged.
     non_manifold : str
-        ``"keep"``, ``"cut"`` (cut the surface there) or ``"merge"`` (keep vertices separate, then join borders).
+        ``"keep"`` (the default), ``"cut"`` (cut the surface there) or ``"merge"`` (keep vertices separate, then join borders).
     prune : float or str, optional
         Remove connected parts smaller than this (diagonal of their bounding box).
 
@@ -491,7 +486,7 @@ def clean(
     with Reporting(progress) as reporting:
         keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, given)
         sent = to_native(given)
-        made = _native.clean(sent, non_manifold, keywords)
+        made = _native.clean(sent, {"non_manifold": non_manifold}, keywords)
     return _back(_result(made, given, sent), kind, own)
 
 

@@ -116,7 +116,7 @@ impl FileOptions {
     ///
     /// # Errors
     /// [`AssetError::Usage`] if no option determines the levels; those of [`FileOptions::engine`].
-    pub(crate) fn levels(&self) -> Result<LodOptions, AssetError> {
+    pub fn levels(&self) -> Result<LodOptions, AssetError> {
         let Self { ratios, faces, errors, factor, .. } = self;
         let mut options = LodOptions::new(match self.count {
             Some(count) => Levels::Steps { count, factor: factor.unwrap_or(LEVEL_FACTOR) },
