@@ -48,6 +48,11 @@ impl Target {
         }
     }
 
+    /// The most triangles of a result that has reached a target of this many.
+    pub fn max_faces(requested: usize) -> usize {
+        (requested as f64 * 1.02) as usize + 2
+    }
+
     /// The name of the target in tables.
     pub fn name(self) -> String {
         match self {

@@ -5,6 +5,7 @@
 pub mod cases;
 pub mod lab;
 pub mod order;
+pub mod page;
 pub mod process;
 pub mod soup;
 pub mod stats;

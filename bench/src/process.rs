@@ -1,4 +1,4 @@
-//! Memory and processor time of this process.
+//! Memory and processor time of this process, and its machine.
 
 use anyhow::{Context, Result};
 
@@ -18,6 +18,14 @@ pub fn one_thread() -> Result<()> {
 pub fn all_cores() -> Result<rayon::ThreadPool> {
     let cores = std::thread::available_parallelism()?.get();
     Ok(rayon::ThreadPoolBuilder::new().num_threads(cores).build()?)
+}
+
+/// Returns the name of the processor, if the system has one, and the number of its cores.
+pub fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("{}, {cores} cores", name.map_or("unknown processor", |(_, name)| name))
 }
 
 /// Returns the processor time of all threads of this process in seconds.

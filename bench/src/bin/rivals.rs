@@ -3,17 +3,20 @@
 //! ```text
 //! rivals [FILE|FOLDER]... [--models FOLDER] [--all] [--quick] [--only TEXT] [--targets 50%,10%,1%,1000,100]
 //!        [--orders file,morton,shuffled] [--clock wall|cpu] [--reps N] [--samples N] [--no-errors] [--json FILE]
+//!        [--page FILE]
 //! ```
-//! From a folder, the program uses the models of `cases::MODELS`, or every file with `--all`; `--only` keeps models
-//! whose name contains TEXT. Every mesh is welded first, the same for all. Times are measured from positions and
-//! indices in memory to positions and indices in memory, including preparation, in wall-clock time or, on a shared
-//! machine, in processor time (`--clock cpu`); the repetitions of the three alternate. meshoptimizer runs in its plain
-//! mode (which keeps the given positions) and in the mode that moves them (`update`), whose copy of the input is not
-//! timed. Errors are two-way, in percent of the diagonal. They are the same for every order up to noise, so they are
-//! measured once, in the order of the file. A meshoptimizer result above 1.02 × the target is left out of all
-//! comparisons.
+//! From a folder, the program uses the models of `cases::MODELS` (of files with the same name the first), or every file
+//! with `--all`; `--only` keeps models whose name contains TEXT. Every mesh is welded first, the same for all. Times
+//! are measured from positions and indices in memory to positions and indices in memory, including preparation, in
+//! wall-clock time or, on a shared machine, in processor time (`--clock cpu`); the repetitions of the three alternate.
+//! meshoptimizer runs in its plain mode (which keeps the given positions) and in the mode that moves them (`update`),
+//! whose copy of the input is not timed. Errors are two-way, in percent of the diagonal. They are the same for every
+//! order up to noise, so they are measured once, in the order of the file. A meshoptimizer result above 1.02 × the
+//! target is left out of all comparisons. `--page` writes the tables to the sections `rivals`, `rivals-losses` and
+//! `rivals-cases` of a page.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints to its standard streams")]
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Instant;
@@ -22,12 +25,14 @@ use anyhow::{Context, Result, bail, ensure};
 use lodsmith::{NoControl, SimplifyOptions, Stop, simplify_with};
 use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::order::Order;
-use lodsmith_bench::{Soup, process, stats};
+use lodsmith_bench::{Soup, page, process, stats};
 use lodsmith_core::measure::{CompareOptions, compare};
 use serde_json::{Value, json};
 
 /// A mesh of this many triangles or more counts as large in the published figures.
 const MIN_LARGE_FACES: usize = 250_000;
+/// The two sizes of meshes: the key and the name, and whether they are large.
+const SIZES: [(&str, &str, bool); 2] = [("small", "below 250,000", false), ("large", "from 250,000", true)];
 
 struct Args {
     models: Vec<PathBuf>,
@@ -37,13 +42,14 @@ struct Args {
     samples: usize,
     errors: bool,
     json: Option<PathBuf>,
+    page: Option<PathBuf>,
 }
 
 fn parse() -> Result<Args> {
     let (mut inputs, mut only, mut all, mut quick) = (Vec::<PathBuf>::new(), String::new(), false, false);
     let mut targets = None;
     let mut orders = None;
-    let (mut reps, mut samples, mut errors, mut json) = (None, 100_000, true, None);
+    let (mut reps, mut samples, mut errors, mut json, mut page) = (None, 100_000, true, None, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().with_context(|| format!("{argument} needs a value"));
@@ -73,15 +79,18 @@ fn parse() -> Result<Args> {
             "--samples" => samples = value()?.parse()?,
             "--no-errors" => errors = false,
             "--json" => json = Some(value()?.into()),
+            "--page" => page = Some(PathBuf::from(value()?)),
             path if !path.starts_with('-') => inputs.push(path.into()),
             other => bail!("unknown option {other}"),
         }
     }
     ensure!(!inputs.is_empty(), "no models: name files or a folder");
     let mut models = Vec::new();
+    let mut seen = HashSet::new();
     for input in &inputs {
         let named = input.is_file();
-        let of_table = |stem: &str| all || named || cases::MODELS.contains(&stem);
+        let mut of_table =
+            |stem: &str| all || named || (cases::MODELS.contains(&stem) && seen.insert(stem.to_owned()));
         models.extend(cases::find_models(input)?.into_iter().filter(|p| {
             let stem = cases::stem(p);
             of_table(&stem) && stem.contains(&only)
@@ -99,14 +108,20 @@ fn parse() -> Result<Args> {
     }
     ensure!(!models.is_empty(), "none of the models exists");
     ensure!(reps != Some(0), "--reps must be 1 or more");
+    let orders = orders.unwrap_or_else(|| Order::ALL.to_vec());
+    if let Some(page) = &page {
+        ensure!(errors && orders == Order::ALL, "a page needs the errors and all orders");
+        page::check(page, &["rivals", "rivals-losses", "rivals-cases"])?;
+    }
     Ok(Args {
         models,
         targets: targets.unwrap_or_else(|| Target::DEFAULT.to_vec()),
-        orders: orders.unwrap_or_else(|| Order::ALL.to_vec()),
+        orders,
         reps,
         samples,
         errors,
         json,
+        page,
     })
 }
 
@@ -183,6 +198,9 @@ impl Clock {
     }
 }
 
+/// The measures of [`Errors`].
+const MEASURES: [&str; 3] = ["mean", "rms", "max"];
+
 /// Mean, RMS and maximum distance, in percent of the diagonal of the original.
 type Errors = [f64; 3];
 
@@ -211,8 +229,11 @@ impl Case {
     fn min_time(&self, who: usize) -> f64 {
         stats::min(&self.times[who])
     }
+    fn is_large(&self) -> bool {
+        self.faces >= MIN_LARGE_FACES
+    }
     fn rivals_that_reached(&self) -> impl Iterator<Item = usize> + '_ {
-        let most = (self.requested as f64 * 1.02) as usize + 2;
+        let most = Target::max_faces(self.requested);
         (1..SIMPLIFIERS.len()).filter(move |&who| self.faces_left[who] <= most)
     }
     /// Lodsmith's time divided by the time of the fastest rival that reached the target, or of the fastest rival if
@@ -346,14 +367,91 @@ fn main() -> Result<()> {
     }
     ensure!(!cases.is_empty(), "no case was run");
     let summary = summary(&cases);
-    println!("\n{}", summary.text);
+    println!("\n`*`: did not reach the target.\n\n{}", summary.text);
     if let Some(path) = &args.json {
         let rows: Vec<Value> = cases.iter().map(Case::json).collect();
         let text = serde_json::to_string_pretty(&json!({"cases": rows, "summary": summary.json}))?;
         std::fs::write(path, text + "\n").with_context(|| format!("writing {}", path.display()))?;
     }
+    if let Some(path) = &args.page {
+        cases.sort_by_key(|c| c.faces);
+        let clock = if USE_CPU_TIME.get() == Some(&true) { "processor" } else { "wall-clock" };
+        let machine = process::machine();
+        let about = format!("One run, best of several repetitions, {clock} time of one thread ({machine}):");
+        let targets: Vec<String> = args.targets.iter().map(|target| target.name()).collect();
+        let rows: Vec<String> = cases.iter().map(Case::row).collect();
+        page::replace(
+            path,
+            &[
+                ("rivals", format!("{about}\n\n{}\n{}", ratios_by_model(&cases, &targets), summary.text)),
+                ("rivals-losses", losses(&cases, &targets)),
+                ("rivals-cases", format!("{HEAD}\n{}", rows.join("\n"))),
+            ],
+        )?;
+    }
     ensure!(failures == 0, "{failures} model(s) could not be read");
     Ok(())
+}
+
+/// Returns the table of ratios: a row for each model, a column for each target, in each cell all orders.
+fn ratios_by_model(cases: &[Case], targets: &[String]) -> String {
+    let names: Vec<String> = targets.iter().map(|target| target.replace('%', " %")).collect();
+    let mut text = format!("| model | triangles | {} |\n", names.join(" | "));
+    text += &format!("|---|--:|{}\n", "--:|".repeat(targets.len()));
+    for of_model in cases.chunk_by(|a, b| a.model == b.model) {
+        text += &format!("| {} | {} |", of_model[0].model, page::grouped(of_model[0].faces));
+        for target in targets {
+            let of_target = of_model.iter().filter(|case| case.target == *target);
+            let ratios: Vec<String> = of_target.map(|case| format!("{:.2}", case.ratio())).collect();
+            text += &format!(" {} |", if ratios.is_empty() { "–".into() } else { ratios.join(" · ") });
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Returns a line for each size and measure in which meshoptimizer is better: in how many cases, and the worst.
+fn losses(cases: &[Case], targets: &[String]) -> String {
+    let mut text = String::new();
+    for (_, name, large) in SIZES {
+        let of_size: Vec<&Case> = cases.iter().filter(|c| c.is_large() == large).collect();
+        let lost = of_size.iter().filter(|c| c.ratio() > 1.0).count();
+        let worst = targets.iter().filter_map(|target| {
+            let slower = of_size.iter().filter(|c| c.target == *target && c.ratio() > 1.0);
+            let worst = slower.max_by(|a, b| a.ratio().total_cmp(&b.ratio()))?;
+            Some(format!("{:.2} × at {target} ({}, {})", worst.ratio(), worst.model, worst.order.name()))
+        });
+        let worst: Vec<String> = worst.collect();
+        if lost > 0 {
+            text += &format!(
+                "- **Time {name} triangles**: above the faster mode of meshoptimizer in {lost} of {} cases, at worst {}.\n",
+                of_size.len(),
+                worst.join(", "),
+            );
+        }
+    }
+    for (k, measure) in MEASURES.into_iter().enumerate() {
+        let pairs = error_pairs(cases, k);
+        let lost: Vec<_> = pairs.iter().filter(|(_, ours, theirs)| ours > theirs).collect();
+        if let Some((case, ours, theirs)) = lost.iter().max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2))) {
+            text += &format!(
+                "- **Error, {measure}**: above the better mode of meshoptimizer in {} of {} cases, at worst {:.2} × ({} at {}).\n",
+                lost.len(),
+                pairs.len(),
+                ours / theirs,
+                case.model,
+                case.target,
+            );
+        }
+    }
+    text
+}
+
+/// Returns our error and that of the better rival, for each model and target once: all orders have the same errors.
+fn error_pairs(cases: &[Case], k: usize) -> Vec<(&Case, f64, f64)> {
+    let mut seen = HashSet::new();
+    let once = cases.iter().filter(|c| seen.insert((&c.model, &c.target)));
+    once.filter_map(|c| Some((c, c.errors?[0][k], c.best_rival()?[k]))).collect()
 }
 
 struct Summary {
@@ -362,33 +460,28 @@ struct Summary {
 }
 
 fn summary(cases: &[Case]) -> Summary {
-    let mut text = String::from("`*`: did not reach the target.\n\n");
+    let mut text = String::new();
     let mut json = serde_json::Map::new();
-    for (key, name, large) in [("small", "below 250,000", false), ("large", "from 250,000", true)] {
-        let ratios: Vec<f64> =
-            cases.iter().filter(|c| (c.faces >= MIN_LARGE_FACES) == large).map(Case::ratio).collect();
+    for (key, name, large) in SIZES {
+        let ratios: Vec<f64> = cases.iter().filter(|c| c.is_large() == large).map(Case::ratio).collect();
         if let Some(mean) = stats::geometric_mean(ratios.iter().copied()) {
             let worst = ratios.iter().copied().fold(0.0, f64::max);
             text += &format!(
-                "Time {name} triangles: {mean:.2} × the faster mode of meshoptimizer (geometric mean of {} cases), at worst {worst:.2} ×.\n",
+                "- Time {name} triangles: {mean:.2} × the faster mode of meshoptimizer (geometric mean of {} cases), at worst {worst:.2} ×.\n",
                 ratios.len()
             );
             json.insert(key.into(), json!({"cases": ratios.len(), "ratio": mean, "worst": worst}));
         }
     }
-    // All orders have the same errors: each model and target counts once.
-    let mut seen = std::collections::HashSet::new();
-    let once: Vec<&Case> = cases.iter().filter(|c| seen.insert((&c.model, &c.target))).collect();
-    for (k, measure) in ["mean", "rms", "max"].into_iter().enumerate() {
-        let pairs: Vec<(f64, f64)> =
-            once.iter().filter_map(|c| Some((c.errors?[0][k], c.best_rival()?[k]))).collect();
+    for (k, measure) in MEASURES.into_iter().enumerate() {
+        let pairs = error_pairs(cases, k);
         // Two zero errors are equal; their ratio is undefined.
-        let real = pairs.iter().filter(|(_, theirs)| *theirs > 0.0 && theirs.is_finite());
-        if let Some(mean) = stats::geometric_mean(real.map(|(ours, theirs)| ours / theirs)) {
-            let won = pairs.iter().filter(|(ours, theirs)| ours <= theirs).count();
+        let real = pairs.iter().filter(|(_, _, theirs)| *theirs > 0.0 && theirs.is_finite());
+        if let Some(mean) = stats::geometric_mean(real.map(|(_, ours, theirs)| ours / theirs)) {
+            let won = pairs.iter().filter(|(_, ours, theirs)| ours <= theirs).count();
             let share = won as f64 / pairs.len() as f64;
             text += &format!(
-                "Error, {measure}: {mean:.2} × the better mode of meshoptimizer (geometric mean), not above it in {won} of {} cases ({:.0} %).\n",
+                "- Error, {measure}: {mean:.2} × the better mode of meshoptimizer (geometric mean), not above it in {won} of {} cases ({:.0} %).\n",
                 pairs.len(),
                 share * 100.0
             );
@@ -436,6 +529,31 @@ mod tests {
         assert_eq!(got["small"]["ratio"], 2.0);
         assert_eq!(got["large"]["ratio"], 0.5);
         assert_eq!((&got["mean"]["won"], &got["max"]["won"]), (&json!(2), &json!(0)));
+    }
+
+    #[test]
+    fn each_model_is_a_row_and_each_target_a_column() {
+        let mut cases = vec![case(1000, [2.0, 1.0, 1.0], [100; 3], [[1.0; 3]; 3])];
+        cases.push(Case { order: Order::Morton, ..case(1000, [3.0, 1.0, 1.5], [100; 3], [[1.0; 3]; 3]) });
+        cases.push(Case { target: "10%".into(), ..case(300_000, [1.0, 2.0, 2.0], [100; 3], [[1.0; 3]; 3]) });
+        let expected = "\
+            | model | triangles | 100 | 10 % |\n|---|--:|--:|--:|\n\
+            | m1000 | 1,000 | 2.00 · 3.00 | – |\n| m300000 | 300,000 | – | 0.50 |\n";
+        assert_eq!(ratios_by_model(&cases, &["100".into(), "10%".into()]), expected);
+    }
+
+    #[test]
+    fn losses_name_the_worst_case_of_each_target() {
+        let better = [[1.0, 1.0, 3.0], [2.0; 3], [4.0; 3]];
+        let mut cases = vec![case(1000, [2.0, 1.0, 1.0], [100; 3], better)];
+        cases.push(Case { order: Order::Morton, ..case(1000, [3.0, 1.0, 1.5], [100; 3], better) });
+        cases.push(case(2000, [0.5, 1.0, 1.0], [100; 3], [[1.0; 3]; 3]));
+        cases.push(case(300_000, [1.0, 2.0, 2.0], [100; 3], [[1.0; 3]; 3]));
+        let expected = "\
+            - **Time below 250,000 triangles**: above the faster mode of meshoptimizer in 2 of 3 cases, \
+            at worst 3.00 × at 100 (m1000, morton).\n\
+            - **Error, max**: above the better mode of meshoptimizer in 1 of 3 cases, at worst 1.50 × (m1000 at 100).\n";
+        assert_eq!(losses(&cases, &["100".into()]), expected);
     }
 
     #[test]
