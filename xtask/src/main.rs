@@ -20,6 +20,8 @@ use serde_json::Value;
 
 const HELP: &str = "\
 cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   compares Lodsmith with other libraries (needs a C++ compiler)
+cargo xtask bench page [--models FOLDER] [--lab FOLDER]    writes the tables of docs/benchmarks.md anew; with --lab also those of accuracy
+cargo xtask bench accuracy FOLDER [--page FILE]            makes the tables of accuracy from the results of a benchmark lab
 cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   runs the release command on every model in the folders; does not measure errors of larger models
 cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   runs every method on every model of at most this size
 cargo xtask dist [--out FOLDER] [--target TRIPLE] [--binary FILE] [command|python|c|js|blender]...   builds the release files: archives, wheel, packages
@@ -76,6 +78,7 @@ fn web(args: &[String]) -> Result<()> {
 /// Benchmark programs.
 const BENCHES: &[&str] = &[
     "rivals",
+    "accuracy",
     "attributes",
     "cluster",
     "cluster_lod",
@@ -142,6 +145,9 @@ fn shared_models() -> Option<PathBuf> {
 }
 
 fn bench(args: &[String]) -> Result<()> {
+    if let Some(("page", rest)) = args.split_first().map(|(first, rest)| (first.as_str(), rest)) {
+        return page(rest);
+    }
     let (which, rest) = match args.split_first() {
         Some((first, rest)) if ["all"].iter().chain(BENCHES).any(|known| known == first) => {
             (first.as_str(), rest)
@@ -170,15 +176,27 @@ fn bench(args: &[String]) -> Result<()> {
     Ok(())
 }
 
+/// Writes the generated sections of docs/benchmarks.md: those of the lab, if its results are given, and those of
+/// `rivals`.
+fn page(args: &[String]) -> Result<()> {
+    let to_page = ["--page".to_owned(), root().join("docs/benchmarks.md").to_string_lossy().into_owned()];
+    let mut args = args.to_vec();
+    if let Some(at) = args.iter().position(|argument| argument == "--lab") {
+        ensure!(at + 1 < args.len(), "--lab needs a folder");
+        let lab: Vec<String> = args.drain(at..at + 2).skip(1).collect();
+        bench(&[&["accuracy".to_owned()][..], &lab, &to_page].concat())?;
+    }
+    bench(&[&["rivals".to_owned()][..], &args, &to_page].concat())
+}
+
 /// Returns whether the arguments of `rivals` name files or folders.
 fn has_paths(args: &[String]) -> bool {
     let mut rest = args.iter();
     while let Some(argument) = rest.next() {
         match argument.as_str() {
             "--models" => return true,
-            "--only" | "--targets" | "--orders" | "--clock" | "--reps" | "--samples" | "--json" => {
-                _ = rest.next()
-            }
+            "--only" | "--targets" | "--orders" | "--clock" | "--reps" | "--samples" | "--json"
+            | "--page" => _ = rest.next(),
             path if !path.starts_with('-') => return true,
             _ => {}
         }
@@ -224,6 +242,7 @@ mod tests {
     fn paths_are_distinguished_from_option_values() {
         let found = |args: &[&str]| has_paths(&args.iter().map(|&a| a.to_owned()).collect::<Vec<_>>());
         assert!(!found(&["--quick", "--only", "bunny", "--targets", "10%"]));
+        assert!(!found(&["--page", "a.md"]));
         assert!(found(&["--quick", "a.ply"]));
         assert!(found(&["--models", "folder"]));
     }
