@@ -711,6 +711,10 @@ mod tests {
         holds(machine_paths);
     }
     #[test]
+    fn files_do_not_use_each_other_in_cycles() {
+        holds(file_cycles);
+    }
+    #[test]
     fn type_names_are_unique_in_a_crate() {
         holds(repeated_type_names);
     }

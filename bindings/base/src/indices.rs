@@ -1,41 +1,21 @@
 //! Simplification of index buffers, with the arguments and flags of the functions of meshoptimizer.
 
+mod error;
 pub mod flags;
 mod position_table;
 mod quick;
 mod update;
 mod used;
 
-use lodsmith::SimplifyError;
-use lodsmith_core::{MeshError, VertexId};
+use lodsmith_core::VertexId;
 
+pub use error::IndexError;
 use quick::{QuickInput, QuickRules};
 use update::MovedValues;
 use used::UsedVertices;
 
 /// Largest number of attributes. (As many as meshoptimizer takes.)
 const MAX_ATTRIBUTES: usize = 32;
-
-/// Reason why an index buffer was not simplified.
-#[derive(Clone, Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum IndexError {
-    /// An argument is not valid.
-    #[error("{0}")]
-    Argument(String),
-    /// The engine refused the mesh or an option.
-    #[error(transparent)]
-    Engine(#[from] SimplifyError),
-    /// An internal error.
-    #[error("{0}")]
-    Internal(String),
-}
-
-impl From<MeshError> for IndexError {
-    fn from(error: MeshError) -> Self {
-        Self::Argument(error.to_string())
-    }
-}
 
 /// An index buffer, its vertices, and the target of the simplification.
 pub struct IndexCall<'a> {

@@ -2,10 +2,12 @@
 
 pub mod by_name;
 mod check;
+mod length;
 mod method;
 pub(crate) mod names;
 pub(crate) mod shared;
 
+pub use length::Length;
 pub use method::{Method, MethodKind, Remesh, RemeshPattern};
 
 /// Use of the final least-squares step towards the original.
@@ -63,26 +65,6 @@ pub enum TopologyPolicy {
     /// Handles and necks are cut and whole parts removed wherever that is cheapest; each is counted. The two
     /// sides of a cut may touch.
     Free,
-}
-
-/// A length in the units of the mesh, or as a fraction of the diagonal of its bounding box.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Length {
-    /// In the units of the mesh.
-    Units(f64),
-    /// A fraction of the diagonal: 0.001 is 0.1 %.
-    OfDiagonal(f64),
-}
-
-impl Length {
-    /// Returns the length in the units of a mesh with this diagonal.
-    pub fn in_units(self, diagonal: f64) -> f64 {
-        match self {
-            Self::Units(x) => x,
-            Self::OfDiagonal(x) => x * diagonal,
-        }
-    }
 }
 
 /// Stopping criteria. If several are set, the first one met stops the run. If none is set, nothing is

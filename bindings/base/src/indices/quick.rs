@@ -7,7 +7,7 @@ use lodsmith::{
 };
 use lodsmith_core::{Attribute, Positions, PositionsView, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
-use super::IndexError;
+use super::error::IndexError;
 use super::flags::{VERTEX_LOCK, VERTEX_PRIORITY, VERTEX_PROTECT};
 use super::position_table::PositionTable;
 

@@ -6,7 +6,7 @@ use lodsmith_core::correspondence::{Source, correspondence};
 use lodsmith_core::mesh::Morphed;
 use lodsmith_core::{Attribute, Positions, Semantic, TriMesh, WedgeId};
 
-use super::IndexError;
+use super::error::IndexError;
 use super::quick::{QuickInput, data_of_flags};
 
 /// Values per morph target.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use lodsmith_core::VertexId;
 
-use super::IndexError;
+use super::error::IndexError;
 
 /// Vertices per index above which used vertices are found without a pass over all vertices.
 const SPARSE_RATIO: usize = 4;

@@ -16,45 +16,16 @@
 //! ```
 
 use super::SimplifyOptions;
-use crate::SimplifyError;
 
 mod entry;
+mod error;
 mod table;
 mod value;
 
 pub use entry::{NamedOption, OptionGroup, OptionKind, Range};
+pub use error::OptionError;
 pub use table::OPTIONS;
 pub use value::{LengthRange, OptionValue, length_of_text, length_text};
-
-/// Reason why an option was rejected.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OptionError {
-    /// There is no such option.
-    #[error("there is no option {name}{}", similar(.nearest))]
-    Unknown {
-        /// The name given.
-        name: String,
-        /// The most similar name of an option, if any is similar.
-        nearest: Option<&'static str>,
-    },
-    /// The option does not take the value.
-    #[error("{option}: {why}")]
-    Value {
-        /// Name of the option.
-        option: &'static str,
-        /// The permitted values, and the given value.
-        why: String,
-    },
-    /// The method does not have the option ([`SimplifyError::NotOfMethod`]), or another option excludes it
-    /// ([`SimplifyError::NotTogether`]).
-    #[error(transparent)]
-    Combination(SimplifyError),
-}
-
-fn similar(nearest: &Option<&'static str>) -> String {
-    nearest.map_or_else(String::new, |name| format!("; a similar one is {}", name.replace('-', "_")))
-}
 
 /// Returns the option with this name; underscores count as dashes.
 pub fn find(name: &str) -> Option<&'static NamedOption> {
@@ -155,6 +126,7 @@ fn edits(from: &str, to: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SimplifyError;
     use crate::options::{BorderPolicy, Method, MethodKind, Preset, Stop};
 
     /// Returns options with a value of one option other than the default, and with a method that has the option.

@@ -1,6 +1,6 @@
 //! Methods of simplification, each with its own options.
 
-use super::Length;
+use super::length::Length;
 
 /// Name of a method of simplification.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

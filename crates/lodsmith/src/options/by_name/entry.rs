@@ -1,6 +1,6 @@
 //! Entries of the table of options.
 
-use super::OptionError;
+use super::error::OptionError;
 use super::value::{LengthRange, OptionValue};
 use crate::SimplifyError;
 use crate::options::{MethodKind, Preset, SimplifyOptions, Stop};
