@@ -72,6 +72,15 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
       await new Promise((done) => setTimeout(done, 20));
     }
   };
+  /** Waits until the result has not changed for a second, and returns the state. */
+  const settled = async () => {
+    for (let before = await state(); ; ) {
+      await new Promise((done) => setTimeout(done, 1000));
+      const now = await state();
+      if (now.isIdle && JSON.stringify(now.result) === JSON.stringify(before.result)) return now;
+      before = now;
+    }
+  };
   /** Waits for the widget with this name; returns its role, value and rectangle. */
   const widget = async (name, limit = 20_000) => {
     const end = Date.now() + limit;
@@ -85,7 +94,7 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
   };
   const middle = ({ rect: [x0, y0, x1, y1] }) => [(x0 + x1) / 2, (y0 + y1) / 2];
   return {
-    browser, page, requests, errors, origin, state, until, widget,
+    browser, page, requests, errors, origin, state, until, settled, widget,
     async click(name) {
       await page.mouse.click(...middle(await widget(name)));
     },
@@ -96,7 +105,7 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
         await devtools.send('Input.dispatchDragEvent', { type, x: 640, y: 360, data });
       }
     },
-    /** Drags the target slider to positions from 0 to 1; calls `at` at each of them. */
+    /** Drags the target slider to positions from 0 to 1; calls `at` at each of them, with the state before. */
     async drag(positions, at = async () => {}) {
       const { rect: [x0, y0, x1] } = await widget('Target slider');
       const point = (position) => [x0 + 10 + (x1 - x0 - 20) * position, y0 + 13];
@@ -104,8 +113,9 @@ export async function openPage({ flags = GL, size = [1280, 800], downloads = nul
       await page.mouse.move(...point(positions[0] - 0.05));
       await page.mouse.down();
       for (const position of positions) {
+        const before = await state();
         await page.mouse.move(...point(position));
-        await at(position);
+        await at(before);
       }
       await page.mouse.up();
     },

@@ -47,10 +47,9 @@ test('a dropped model is simplified and downloaded, and nothing is sent', option
 
     // The result follows the slider during the drag.
     const counts = [];
-    await user.drag([0.9, 0.7, 0.5, 0.3, 0.6], async () => {
-      const before = (await user.state()).result?.faces;
-      const { result } = await user.until((s) => s.result && s.result.faces !== before, 'a level');
-      counts.push(result.faces);
+    await user.drag([0.9, 0.7, 0.5, 0.3, 0.6], async (before) => {
+      await user.until((s) => s.result && s.result.faces !== before.result?.faces, 'a level');
+      counts.push((await user.settled()).result.faces);
     });
     assert.ok(counts[0] > counts[1] && counts[1] > counts[2] && counts[2] > counts[3] && counts[3] < counts[4], `${counts}`);
     const exact = await user.until((s) => s.isIdle && s.result?.isExact, 'exact');
