@@ -33,11 +33,6 @@ fn with_section(page: &str, name: &str, text: &str) -> Result<String> {
     Ok(format!("{before}{begin}\n{}\n{end}{after}", text.trim_end()))
 }
 
-/// Formats a count with commas between thousands.
-pub fn grouped(count: usize) -> String {
-    if count < 1000 { count.to_string() } else { format!("{},{:03}", grouped(count / 1000), count % 1000) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,10 +43,5 @@ mod tests {
         assert_eq!(with_section(page, "x", "new\n").unwrap(), page.replace("old", "new"));
         assert!(with_section(page, "z", "").is_err());
         assert!(with_section("<!-- x:end --><!-- x:begin -->", "x", "").is_err());
-    }
-
-    #[test]
-    fn thousands_are_separated() {
-        assert_eq!([7, 5804, 1_051_456].map(grouped), ["7", "5,804", "1,051,456"]);
     }
 }

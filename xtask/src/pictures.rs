@@ -10,6 +10,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use lodsmith::core::measure::{Prepared, vertex_distances};
 use lodsmith::core::model::{Material, Sampler, TextureRef, Wrap};
+use lodsmith::core::numbers::grouped;
 use lodsmith::core::{Image, Model, Positions, TriMesh, VertexId};
 use lodsmith::lod::error_of;
 use lodsmith::{Levels, LodOptions, Measure, MethodKind, Screen, SimplifyOptions, Stop, lod};
@@ -259,10 +260,6 @@ fn view([width, height]: [usize; 2]) -> View {
     view.ground = Ground { grid: false, shadow: true };
     view.fine = true;
     view
-}
-
-fn grouped(n: usize) -> String {
-    if n < 1000 { n.to_string() } else { format!("{},{:03}", n / 1000, n % 1000) }
 }
 
 /// Formats a number with two significant digits.

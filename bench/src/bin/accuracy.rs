@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use lodsmith_bench::cases::Target;
 use lodsmith_bench::{page, stats};
+use lodsmith_core::numbers::{grouped, significant};
 use serde_json::Value;
 
 /// The tools of the table, by peer. Other peers count only as the best rival of a case.
@@ -120,24 +121,10 @@ impl Case {
     fn cells(&self) -> String {
         let cell = |k: usize| {
             let share = self.share(k).map_or("–".into(), |s| format!("{:.2} {}", s.value, s.rival));
-            format!("{} % · {share}", three_digits(self.ours.errors[k]))
+            format!("{} % · {share}", significant(self.ours.errors[k], 3))
         };
         [0, 1, 2].map(cell).join(" | ")
     }
-}
-
-/// Formats a number with three significant digits, without zeros at the end.
-fn three_digits(x: f64) -> String {
-    let text = format!("{x:.2e}");
-    let (digits, power) = text.split_once('e').expect("scientific notation has an exponent");
-    let power: i32 = power.parse().expect("an exponent is a number");
-    let (digits, power) = match power {
-        -4..=2 => (format!("{x:.*}", (2 - power) as usize), String::new()),
-        _ => (digits.to_owned(), format!("e{power:+03}")),
-    };
-    let digits =
-        if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { &digits };
-    format!("{digits}{power}")
 }
 
 /// Reads the objects of a file, one a line, by key. Of equal keys the last counts.
@@ -186,27 +173,28 @@ fn cases(times: &BTreeMap<String, Value>, scores: &BTreeMap<String, Value>, name
     Ok(cases)
 }
 
-/// What the shares of all cases have in common, for one measure.
-struct Total<'a> {
+/// Summary of a measure over all cases.
+struct Summary<'a> {
     shares: Vec<Share<'a>>,
+    /// Geometric mean of the shares.
     mean: f64,
-    /// Cases in which Lodsmith is not above the best rival.
+    /// Number of cases in which Lodsmith is not above the best rival.
     won: usize,
     worst: Share<'a>,
 }
 
-impl Total<'_> {
+impl Summary<'_> {
     fn percent(&self) -> f64 {
         100.0 * self.won as f64 / self.shares.len() as f64
     }
 }
 
-/// Returns the total of a measure; `None` if there is no worst case.
-fn total(cases: &[Case], k: usize) -> Option<Total<'_>> {
+/// Returns the summary of a measure; `None` if there is no worst case.
+fn summary(cases: &[Case], k: usize) -> Option<Summary<'_>> {
     let shares: Vec<Share<'_>> = cases.iter().filter_map(|case| case.share(k)).collect();
     let counts = |case: &&Case| !case.is_wild() || case.ours.faces >= WORST_MIN_FACES;
     let worst = cases.iter().filter(counts).filter_map(|case| case.share(k));
-    Some(Total {
+    Some(Summary {
         mean: stats::geometric_mean(shares.iter().map(|share| share.value))?,
         won: shares.iter().filter(|share| share.value <= 1.0).count(),
         worst: worst.max_by(|a, b| a.value.total_cmp(&b.value))?,
@@ -214,9 +202,13 @@ fn total(cases: &[Case], k: usize) -> Option<Total<'_>> {
     })
 }
 
-/// Returns the totals of these measures, each as text.
-fn totals(cases: &[Case], measures: [usize; 3], text: impl Fn(&str, &Total<'_>) -> String) -> Vec<String> {
-    measures.into_iter().filter_map(|k| Some(text(MEASURES[k].1, &total(cases, k)?))).collect()
+/// Returns the summaries of these measures, each as text.
+fn summaries(
+    cases: &[Case],
+    measures: [usize; 3],
+    text: impl Fn(&str, &Summary<'_>) -> String,
+) -> Vec<String> {
+    measures.into_iter().filter_map(|k| Some(text(MEASURES[k].1, &summary(cases, k)?))).collect()
 }
 
 /// Returns the sections of all models that are not of suite `wild`.
@@ -228,8 +220,8 @@ fn general(cases: &[Case]) -> [(&'static str, String); 3] {
          | **Lodsmith** | {} | 1 | 1 | 1 | 1 |\n",
         cases.len(),
         meshes.len(),
-        page::grouped(cases[0].faces),
-        page::grouped(cases[cases.len() - 1].faces),
+        grouped(cases[0].faces),
+        grouped(cases[cases.len() - 1].faces),
         cases.len(),
     );
     for (peer, tool) in TOOLS {
@@ -247,7 +239,7 @@ fn general(cases: &[Case]) -> [(&'static str, String); 3] {
             );
         }
     }
-    let best = totals(cases, [0, 1, 2], |measure, t| {
+    let best = summaries(cases, [0, 1, 2], |measure, t| {
         let (won, all, percent) = (t.won, t.shares.len(), t.percent());
         let (mean, worst) = (t.mean, t.worst.value);
         format!("{measure} {won} of {all} ({percent:.0} %), geometric mean {mean:.2}, worst {worst:.2}")
@@ -268,7 +260,7 @@ fn general(cases: &[Case]) -> [(&'static str, String); 3] {
 /// Returns the sections of suite `wild`.
 fn wild(cases: &[Case]) -> [(&'static str, String); 3] {
     let meshes: HashSet<&str> = cases.iter().map(|case| &*case.mesh).collect();
-    let parts = totals(cases, [1, 0, 2], |measure, t| {
+    let parts = summaries(cases, [1, 0, 2], |measure, t| {
         format!("{measure} {:.2}, {} ({:.0} %)", t.mean, t.won, t.percent())
     });
     let summary = format!(
@@ -279,7 +271,7 @@ fn wild(cases: &[Case]) -> [(&'static str, String); 3] {
         cases.iter().filter(|case| !case.rivals.is_empty()).count(),
         parts.join("; "),
     );
-    let lines = totals(cases, [1, 0, 2], |measure, t| {
+    let lines = summaries(cases, [1, 0, 2], |measure, t| {
         let (mean, all, won) = (t.mean, t.shares.len(), t.won);
         let (percent, worst) = (t.percent(), t.worst.value);
         format!(
@@ -302,7 +294,7 @@ fn wild(cases: &[Case]) -> [(&'static str, String); 3] {
 
 /// Returns a line for each measure in which a rival is closer, and one for flipped faces.
 fn losses(cases: &[Case], subject: &str) -> String {
-    let mut text = totals(cases, [0, 1, 2], |measure, t| {
+    let mut text = summaries(cases, [0, 1, 2], |measure, t| {
         let mut rivals: BTreeMap<&str, usize> = BTreeMap::new();
         for share in t.shares.iter().filter(|share| share.value > 1.0) {
             *rivals.entry(share.rival).or_default() += 1;
@@ -372,17 +364,6 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn three_significant_digits_are_shown() {
-        let shown =
-            [0.0, 1234.0, 0.522, 1.07e-5, 2.6e-5, 0.1, 0.12, 4.788, 12.34, 0.000_806_1, 2.231e-16, 99.96];
-        let expected = [
-            "0", "1.23e+03", "0.522", "1.07e-05", "2.6e-05", "0.1", "0.12", "4.79", "12.3", "0.000806",
-            "2.23e-16", "100",
-        ];
-        assert_eq!(shown.map(three_digits), expected);
-    }
-
     /// Returns a line of `times.jsonl` and one of `scores.jsonl`.
     fn lines(mesh: &str, target: &str, peer: &str, cpu_s: f64, faces: usize, error: f64) -> [String; 2] {
         let key = format!("{mesh}|{target}|{peer}");
@@ -436,9 +417,9 @@ mod tests {
             "{losses}"
         );
         assert!(rows.contains(
-            "\n| bunny | 25% | 0.2 % · 2.00 cgal/lt | 0.2 % · 2.00 cgal/lt | 0.4 % · 2.00 cgal/lt |\n"
+            "\n| bunny | 25% | 0.200 % · 2.00 cgal/lt | 0.200 % · 2.00 cgal/lt | 0.400 % · 2.00 cgal/lt |\n"
         ));
-        assert!(rows.contains("\n| cow | 1000 faces | 0.1 % · 0.33 igl/qslim |"), "{rows}");
+        assert!(rows.contains("\n| cow | 1000 faces | 0.100 % · 0.33 igl/qslim |"), "{rows}");
     }
 
     #[test]
@@ -459,8 +440,11 @@ mod tests {
         assert!(text.contains(
             "- mean: 1.73 of the best rival of each case (geometric mean of 2 cases), not above it in 1 (50 %), at worst 1.00.\n"
         ));
-        assert!(text.contains("\n| mug | 50 % | 1100 | 1e-06 % · 1.00 cgal/lt |"), "{text}");
-        assert!(text.contains("\n| spot | 50 % | 1000 | 0.3 % · – | 0.3 % · – | 0.6 % · – |\n"), "{text}");
+        assert!(text.contains("\n| mug | 50 % | 1100 | 1.00e-6 % · 1.00 cgal/lt |"), "{text}");
+        assert!(
+            text.contains("\n| spot | 50 % | 1000 | 0.300 % · – | 0.300 % · – | 0.600 % · – |\n"),
+            "{text}"
+        );
         assert!(losses.contains("RMS**: above the best rival in 1 of 2 cases"), "{losses}");
     }
 }

@@ -27,6 +27,7 @@ use lodsmith_bench::cases::{self, Target};
 use lodsmith_bench::order::Order;
 use lodsmith_bench::{Soup, page, process, stats};
 use lodsmith_core::measure::{CompareOptions, compare};
+use lodsmith_core::numbers::grouped;
 use serde_json::{Value, json};
 
 /// A mesh of this many triangles or more counts as large in the published figures.
@@ -399,7 +400,7 @@ fn ratios_by_model(cases: &[Case], targets: &[String]) -> String {
     let mut text = format!("| model | triangles | {} |\n", names.join(" | "));
     text += &format!("|---|--:|{}\n", "--:|".repeat(targets.len()));
     for of_model in cases.chunk_by(|a, b| a.model == b.model) {
-        text += &format!("| {} | {} |", of_model[0].model, page::grouped(of_model[0].faces));
+        text += &format!("| {} | {} |", of_model[0].model, grouped(of_model[0].faces));
         for target in targets {
             let of_target = of_model.iter().filter(|case| case.target == *target);
             let ratios: Vec<String> = of_target.map(|case| format!("{:.2}", case.ratio())).collect();

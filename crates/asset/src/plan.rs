@@ -20,6 +20,7 @@ pub struct Assignment {
 }
 
 /// The requested destinations of results.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Outputs<'a> {
     /// The inputs.
     pub inputs: &'a [Source],

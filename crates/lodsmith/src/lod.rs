@@ -33,7 +33,7 @@ pub enum Levels {
 }
 
 impl Levels {
-    /// Returns the number of levels, not counting the original.
+    /// Returns the number of levels, not counting the original; at most 64 of [`Levels::Steps`].
     pub fn count(&self) -> usize {
         match self {
             Self::Ratios(all) => all.len(),
@@ -63,13 +63,13 @@ impl Levels {
                 }
                 counts.iter().map(|n| Stop::faces(*n)).collect()
             }
-            Self::Steps { count, factor } => {
+            Self::Steps { factor, .. } => {
                 if !(*factor > 0.0 && *factor < 1.0) {
                     return bad("factor", "above 0 and below 1", *factor);
                 }
                 let step =
                     |i: usize| factor.powi(i32::try_from(i).unwrap_or(i32::MAX)).max(f64::MIN_POSITIVE);
-                (1..=(*count).min(MAX_LEVELS)).map(|i| Stop::ratio(step(i))).collect()
+                (1..=self.count()).map(|i| Stop::ratio(step(i))).collect()
             }
             Self::Errors(errors) => {
                 let share = |l: &Length| match l {

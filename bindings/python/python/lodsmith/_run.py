@@ -426,7 +426,7 @@ def compare(reference: Any, candidate: Any, *, samples: Optional[int] = None, se
     dict
         ``hausdorff``, ``mean``, ``rms`` and ``p99``, each ``forward`` (reference to candidate), ``backward`` and
         ``symmetric``, in the units of the meshes; ``diagonal`` of the reference; and the other keys of ``lodsmith
-        compare --json`` that do not need files or attributes. ``normal_mean_deg`` and ``normal_p95_deg`` are
+        compare --json`` that do not need files or attributes. ``normal_mean_deg`` and ``normal_p95_deg`` repeat
         ``normal_deviation_deg``.
 
     Examples

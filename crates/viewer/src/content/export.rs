@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use lodsmith::{Levels, LodOptions, Screen, Stop};
 use lodsmith_asset::plan::Outputs;
-use lodsmith_asset::warnings::warnings_of;
+use lodsmith_asset::request::{Done, Note};
+use lodsmith_asset::warnings::Spelling;
 use lodsmith_asset::{
     Destination, Edit, LevelOutputs, LodRecipe, Naming, PartNames, Sink, Source, Watch, Writing,
 };
@@ -108,24 +109,20 @@ impl Export {
         };
         let outputs = Outputs {
             inputs: &[Source::Path(original.path.clone())],
-            output: None,
             out_dir: Some(&self.path),
-            name: "",
-            from: None,
             to: Some(self.format),
             writing: self.writing(),
-            json: false,
-            dry_run: false,
+            ..Outputs::default()
         };
         let outputs = LevelOutputs::new(&outputs, None, naming, recipe.options.levels.count())?;
         let done = recipe.run(original.asset()?, &outputs, &mut job(watch))?;
-        let mut warnings = texts(&done.warnings);
-        warnings.extend(done.levels.iter().flat_map(|level| texts(&warnings_of(&level.report))));
-        warnings.dedup();
         let counts =
             std::iter::once(done.counts[0]).chain(done.levels.iter().map(|level| level.report.faces));
         let counts: Vec<String> = counts.map(grouped).collect();
-        Ok(Written { summary: format!("{} levels: {} faces", counts.len(), counts.join(", ")), warnings })
+        let summary = format!("{} levels: {} faces", counts.len(), counts.join(", "));
+        let notes = Done::Lod(done).notes(&self.path.display().to_string());
+        let text = |note: Note| Spelling::Words.apply(&format!("{}: {}", note.about, note.text));
+        Ok(Written { summary, warnings: notes.into_iter().map(text).collect() })
     }
 
     /// Writes the shown mesh; returns its warnings.
