@@ -373,6 +373,21 @@ fn the_shown_mesh_is_written() {
 }
 
 #[test]
+fn an_exported_level_that_misses_its_target_is_reported() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("sphere.ply"));
+    // (A closed surface needs four faces.)
+    for (levels, is_missed) in [(vec![0.5, 0.1], false), (vec![0.5, 0.0002], true)] {
+        let path = folder.path().join("levels");
+        let (format, textures) = (Format::Glb, Textures::default());
+        document.export(Export { path, format, ascii: false, textures, levels }, 0.0);
+        assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+        let reported = document.log.entries().iter().any(|entry| entry.text.contains("level 2: "));
+        assert_eq!(reported, is_missed);
+    }
+}
+
+#[test]
 fn a_scene_keeps_its_nodes() {
     let wave: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../testdata/wave.glb"].iter().collect();
     let folder = tempfile::tempdir().unwrap();
