@@ -23,6 +23,7 @@
 
 pub(crate) mod attributes;
 mod bound;
+pub(crate) mod bounded;
 mod budget;
 mod bundle;
 mod candidate;
@@ -77,6 +78,7 @@ use crate::cost::guard::Rules;
 use crate::cost::metric::{EdgeNeighbourhood, Metric};
 use crate::report::Refusal;
 use attributes::{Attributes, Merge};
+use bounded::{BoundScratch, Bounded};
 use components::{Details, Parts};
 use hub_budget::HubBudget;
 use invariants::Checks;
@@ -144,6 +146,8 @@ pub(crate) struct LiveMesh<M: Metric> {
     pub(crate) values: WedgeValues,
     /// Samples of the input at the vertices, in the last phase of a run to few faces.
     sampled: Option<SampledError>,
+    /// Limit of the distance to the input, in the last phase of a run to an error.
+    pub(crate) bounded: Option<Box<Bounded>>,
     pub(crate) topology: Topology,
 }
 
@@ -246,6 +250,7 @@ struct Scratch {
     /// Edges of the star that is evaluated.
     edges: Vec<Edge>,
     samples: SampleScratch,
+    bounded: BoundScratch,
     marks: Marks,
 }
 
@@ -272,6 +277,7 @@ impl<M: Metric> Engine<M> {
             },
             values: WedgeValues { attributes, wedge_data },
             sampled: None,
+            bounded: None,
             topology: Topology::default(),
         };
         let (record, tally, scratch) = (None, Tally::default(), Scratch::default());

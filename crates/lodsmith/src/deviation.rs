@@ -1,5 +1,7 @@
 //! Distance between a result and the input: measured by samples, and proven where a bound is guaranteed.
 
+use std::sync::Arc;
+
 use lodsmith_core::measure::proof::{WithinResult, bound_distance, prove_within, samples_within};
 use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
 use lodsmith_core::{Surface, TriMesh};
@@ -44,6 +46,14 @@ pub(crate) fn needs_measurement(options: &SimplifyOptions) -> bool {
 pub(crate) struct PreparedResult(Prepared);
 
 impl PreparedResult {
+    pub(crate) fn prepared(&self) -> &Prepared {
+        &self.0
+    }
+
+    pub(crate) fn of(made: Prepared) -> Self {
+        Self(made)
+    }
+
     /// Returns `None` if the mesh has no face, which counts as infinitely far.
     pub(crate) fn new(mesh: &TriMesh) -> Option<Self> {
         Prepared::new(&mesh.surface()).ok().map(Self)
@@ -52,7 +62,7 @@ impl PreparedResult {
 
 /// The input, prepared for comparison with results.
 pub(crate) struct InputComparer {
-    reference: Prepared,
+    reference: Arc<Prepared>,
     promised: Bound,
     samples: usize,
     seed: u64,
@@ -61,11 +71,21 @@ pub(crate) struct InputComparer {
 impl InputComparer {
     /// Returns `None` if the surface has no face.
     pub(crate) fn new(surface: &Surface<'_>, options: &SimplifyOptions) -> Option<Self> {
-        let reference = Prepared::new(surface).ok()?;
+        let reference = Arc::new(Prepared::new(surface).ok()?);
         let promised = options.effective_bound();
         let is_asked = options.measure == Measure::Always || promised == Bound::Estimate;
         let samples = if is_asked { CompareOptions::default().samples } else { PROOF_SAMPLES };
         Some(Self { reference, promised, samples, seed: options.seed })
+    }
+
+    /// True unless the guarantee covers only the result.
+    pub(crate) fn is_two_sided(&self) -> bool {
+        self.promised != Bound::OneSided
+    }
+
+    /// The input.
+    pub(crate) fn reference(&self) -> &Arc<Prepared> {
+        &self.reference
     }
 
     /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
@@ -123,7 +143,7 @@ impl InputComparer {
         let bound =
             known.filter(|known| *known <= MAX_KNOWN_BOUND_RATIO * seen_of_all).unwrap_or_else(|| {
                 let directions =
-                    [(result, &self.reference, seen.backward), (&self.reference, result, seen.forward)];
+                    [(result, &*self.reference, seen.backward), (&*self.reference, result, seen.forward)];
                 let all = directions[..count].iter();
                 let bound = all
                     .map(|(from, to, seen)| bound_distance(from, to, *seen, BOUND_TOLERANCE).bound)

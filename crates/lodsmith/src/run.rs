@@ -4,7 +4,8 @@
 //! order the input                                                                  (this file, collapse/order)
 //! make passes until the stop of the options is met
 //!     a count    one pass; if it contracted pairs, one without them too            (this file)
-//!     an error   passes to several counts, or with several step limits             (within, level_search, copies)
+//!     an error   one run whose every collapse is tested                            (bounded)
+//!                for other methods passes to several counts, or step limits        (within, level_search)
 //!     a chain    a pass to each level, with a common start                         (chain)
 //! measure the result, and report                                                   (report)
 //!
@@ -14,10 +15,10 @@
 //! a run of the engine: start, sweep, fit, build the mesh                           (trunk, start, result)
 //! ```
 
+mod bounded;
 mod chain;
 mod closest;
 mod context;
-mod copies;
 mod counted;
 mod goal;
 pub(crate) mod level_search;
@@ -44,7 +45,6 @@ use crate::options::{MethodKind, SimplifyOptions, TopologyPolicy};
 pub(crate) use chain::{Mergers, chain, is_chained};
 pub(crate) use context::{Done, Pass, Run, RunOutcome};
 use context::{Finished, TopologyChanges};
-use copies::Copies;
 pub(crate) use counted::CountedGoal;
 pub(crate) use goal::{goal, share};
 use report::build_report;
@@ -53,7 +53,7 @@ pub(crate) use start::Started;
 
 /// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: MethodKind) -> Option<Pass> {
-    with_metric!(method, METRIC => |run, goal, control| run.one_pass(METRIC, goal, &mut Copies::none(), control))
+    with_metric!(method, METRIC => |run, goal, control| run.one_pass(METRIC, goal, control))
 }
 
 /// Runs a method that collapses edges on an input that needs no preparation.
@@ -155,16 +155,15 @@ impl Run<'_, '_> {
         Ok((outcome, deviation, false))
     }
 
-    /// Runs one pass of the engine; several passes may share copies of it.
+    /// Runs one pass of the engine.
     fn one_pass<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
-        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
-            return self.relaxed(metric, goal, copies, control);
+            return self.relaxed(metric, goal, control);
         }
         // With free topology, parts and necks are removed in order of cost from the start.
         let is_free = self.options.topology == TopologyPolicy::Free;

@@ -10,14 +10,17 @@
 //! piece is cut along the prism over the face nearest to its middle, a little outside of it, so there are
 //! about as many parts as faces below the piece; a piece much larger than that face is halved.
 
+pub mod local;
 mod piece;
+mod target;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{Prepared, chunks};
 use crate::geometry::triangle::{self, double_area_normal};
-use crate::spatial::{Bvh, Hint};
+use crate::spatial::Hint;
 use piece::Piece;
+use target::Target;
 
 /// Bounds of the largest distance from one surface to another, in the units of the positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -275,8 +278,8 @@ impl ProofState {
 }
 
 /// A depth-first search; the last piece is handled first.
-struct PieceSearch<'a> {
-    to: &'a Bvh,
+struct PieceSearch<'a, T: Target> {
+    to: &'a T,
     limits: ProofLimits<'a>,
     pieces: Vec<Piece>,
     seen: f64,
@@ -286,8 +289,8 @@ struct PieceSearch<'a> {
     near: u32,
 }
 
-impl<'a> PieceSearch<'a> {
-    fn new(to: &'a Bvh, limits: ProofLimits<'a>) -> Self {
+impl<'a, T: Target> PieceSearch<'a, T> {
+    fn new(to: &'a T, limits: ProofLimits<'a>) -> Self {
         Self { to, limits, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
     }
 
@@ -310,7 +313,7 @@ impl<'a> PieceSearch<'a> {
     /// it.
     fn bound_piece(&mut self, piece: &Piece) {
         let mut hint = Hint::at(piece.near);
-        let near = self.to.closest_slot(piece.middle(), f64::INFINITY, &mut hint);
+        let near = self.to.closest(piece.middle(), &mut hint);
         let bound = near.map_or(f64::INFINITY, |hit| {
             let by_size = hit.distance_sq.sqrt() + piece.radius(piece.middle());
             self.farthest_corner(piece, hit.slot).min(by_size)
@@ -320,14 +323,14 @@ impl<'a> PieceSearch<'a> {
 
     /// Returns the largest distance of a corner to a face.
     fn farthest_corner(&self, piece: &Piece, slot: u32) -> f64 {
-        let face = self.to.slot_corners(slot);
+        let face = self.to.corners(slot);
         let far = piece.corners().iter().map(|p| triangle::nearest(*p, face).distance_sq);
         far.fold(0.0, f64::max).sqrt()
     }
 
     /// True if all corners lie within the limit of one face. Most faces fail at the first corner.
     fn is_near(&mut self, piece: &Piece, slot: u32) -> bool {
-        let face = self.to.slot_corners(slot);
+        let face = self.to.corners(slot);
         let limit_sq = self.limits.limit * self.limits.limit;
         let mut far = 0f64;
         for p in piece.corners() {
@@ -348,7 +351,7 @@ impl<'a> PieceSearch<'a> {
 
     fn process_piece(&mut self, piece: Piece) {
         let tried = piece.near;
-        let is_first = (tried as usize) < self.to.face_count() && !piece.is_tried;
+        let is_first = (tried as usize) < self.to.count() && !piece.is_tried;
         if is_first && self.is_near(&piece, tried) {
             return;
         }
@@ -357,8 +360,8 @@ impl<'a> PieceSearch<'a> {
         // Faces within the limit of the middle, nearest first: one of them may suffice for the whole piece.
         let limit_sq = self.limits.limit * self.limits.limit;
         let (mut nearest_sq, mut slot, mut is_done) = (f64::INFINITY, u32::MAX, false);
-        to.visit(middle, limit_sq, |near| {
-            let distance_sq = triangle::nearest(middle, to.slot_corners(near)).distance_sq;
+        to.visit_near(middle, limit_sq, |near| {
+            let distance_sq = triangle::nearest(middle, to.corners(near)).distance_sq;
             if distance_sq < nearest_sq {
                 (nearest_sq, slot) = (distance_sq, near);
                 if near != tried && self.is_near(&piece, near) {
@@ -372,7 +375,7 @@ impl<'a> PieceSearch<'a> {
             return;
         }
         if nearest_sq > limit_sq {
-            let Some(hit) = to.closest_slot(middle, f64::INFINITY, &mut Hint::at(tried)) else {
+            let Some(hit) = to.closest(middle, &mut Hint::at(tried)) else {
                 // Too far away for the square to fit a double.
                 (self.seen, self.bound) = (f64::INFINITY, f64::INFINITY);
                 self.limits.is_over.store(true, Ordering::Relaxed);
@@ -408,7 +411,7 @@ impl<'a> PieceSearch<'a> {
 
     /// Replaces a piece by its parts outside the prism over a face and the one inside, or by halves.
     fn cut(&mut self, piece: Piece, slot: u32, height: f64, radius: f64) {
-        let face = self.to.slot_corners(slot);
+        let face = self.to.corners(slot);
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
         let limit = self.limits.limit;

@@ -288,6 +288,13 @@ impl<M: Metric> LiveMesh<M> {
         if cost > tau || is_probe {
             return Err(CollapseOutcome::Later(cost * weight));
         }
+        if let Some(bounded) = &self.bounded {
+            let ends = [x.origin, z.origin];
+            if let Err(witness) = self.stays_within(bounded, ends, at, &scratch.wings, &mut scratch.bounded) {
+                scratch.bounded.witness = witness;
+                return Err(Refusal::Cost.into());
+            }
+        }
         Ok(Priced { cost, spent, detail, handed_over, sampled })
     }
 
@@ -350,13 +357,17 @@ impl<M: Metric> LiveMesh<M> {
             self.prepare_merge(u, v, y, ru, &mut scratch.merge);
         }
         tally.collapse_cost += f64::from(priced.spent);
-        match &checked.neck {
+        let merged = match &checked.neck {
             None => self.change(u, v, y, checked.shared, [ru, rv], scratch, tally),
             Some(neck) => {
                 self.cut(u, v, y, neck, [ru, rv], scratch, tally);
                 origins
             }
+        };
+        if self.bounded.is_some() {
+            self.note_bounded(u, &scratch.bounded);
         }
+        merged
     }
 
     /// Applies a collapse without a cut. Returns the same as [`Self::apply`].

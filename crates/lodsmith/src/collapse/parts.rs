@@ -37,7 +37,7 @@ const MAX_OVERSHOOT: f64 = 0.1;
 const MAX_LAST_OVERSHOOT: f64 = 0.5;
 
 /// Sorts ascending indices by cost, the cheapest first, and drops the most expensive.
-fn all_but_most_expensive(all: Vec<usize>, cost: &[f32]) -> Vec<usize> {
+pub(super) fn all_but_most_expensive(all: Vec<usize>, cost: &[f32]) -> Vec<usize> {
     let mut order = indices_by_key(all.iter().map(|&i| key_of(f64::from(cost[i]))));
     order.pop();
     order.into_iter().map(|k| all[k]).collect()
@@ -259,7 +259,7 @@ impl<M: Metric> LiveMesh<M> {
 
     /// Returns the part of each vertex of a compact store, and the parts in the order of their first
     /// vertex.
-    fn find_parts(&self) -> (Vec<u32>, Vec<Component>) {
+    pub(super) fn find_parts(&self) -> (Vec<u32>, Vec<Component>) {
         let label = self.label_parts();
         let mut parts = measure_parts(&label, |w| self.store.p(w), &self.store.t);
         for (x, &l) in self.store.v.iter().zip(&label) {

@@ -23,8 +23,6 @@ pub(super) const QUANTILE: f64 = 0.7;
 pub(super) const LAST_SHARE: f64 = 0.85;
 /// Margin over the expected size of a sweep that must not reach a goal. (Guessed.)
 const GOAL_MARGIN: f64 = 1.2;
-/// That margin for snapshots, for which it is enough that the goal has had no influence yet.
-const TIGHT_GOAL_MARGIN: f64 = 1.01;
 /// Number of sweeps without a collapse after which a probe searches for any possible collapse.
 const MAX_IDLE_SWEEPS: usize = 4;
 /// Maximum number of sweeps, far above what any run needs, as protection against bugs.
@@ -149,8 +147,6 @@ pub(crate) enum Pause {
     BeforeGoal,
     /// When a snapshot should be taken, from which parts and necks may be removed if necessary.
     BeforeTopologyChanges,
-    /// At whichever of the two comes first.
-    BeforeEither,
 }
 
 impl<M: Metric> LiveMesh<M> {
@@ -335,9 +331,6 @@ impl<M: Metric> Engine<M> {
             Pause::Never => false,
             Pause::BeforeGoal => is_last_stretch(GOAL_MARGIN),
             Pause::BeforeTopologyChanges => self.should_snapshot(sweeps, goal, is_last_stretch(GOAL_MARGIN)),
-            Pause::BeforeEither => {
-                is_last_stretch(TIGHT_GOAL_MARGIN) || self.should_snapshot(sweeps, goal, false)
-            }
         };
         if pauses {
             return ControlFlow::Break(None);
@@ -353,7 +346,12 @@ impl<M: Metric> Engine<M> {
         }
         // Bounds are stale, some of them very much: a sweep without collapses is no reason to lower the
         // threshold.
-        sweeps.tau = if sweeps.idle > 0 { next.max(sweeps.highest * 1.25) } else { next };
+        sweeps.tau = match sweeps.idle {
+            0 => next,
+            // All that is left below the limit.
+            n if n >= MAX_IDLE_SWEEPS && self.mesh.bounded.is_some() => f32::MAX,
+            _ => next.max(sweeps.highest * 1.25),
+        };
         sweeps.highest = sweeps.highest.max(sweeps.tau);
         (sweeps.productivity.at_threshold, sweeps.productivity.wanted) =
             (self.tally.collapses, self.wanted(goal));
@@ -446,7 +444,7 @@ impl<M: Metric> Engine<M> {
         }
         if self.is_late(request.is_extreme) {
             if sweeps.idle < MAX_IDLE_SWEEPS
-                && matches!(request.pause, Pause::BeforeTopologyChanges | Pause::BeforeEither)
+                && matches!(request.pause, Pause::BeforeTopologyChanges)
                 && self.may_snapshot_late()
             {
                 let next = self.mesh.bounds();
@@ -459,6 +457,14 @@ impl<M: Metric> Engine<M> {
             request.original.visit(|points, faces| self.mesh.start_sampling(points, faces));
         }
         let bounds = self.mesh.bounds();
+        if self.mesh.bounded.is_some() {
+            // What was refused is not tried again, so the rest needs no probe.
+            if bounds.0.known() == 0 || (sweeps.idle > MAX_IDLE_SWEEPS && sweeps.tau == f32::MAX) {
+                return ControlFlow::Break(Some(StopReason::Exhausted));
+            }
+            sweeps.set_bounds(bounds);
+            return ControlFlow::Continue(());
+        }
         if bounds.0.known() == 0 {
             return self.relax_or_stop(sweeps, goal, refused);
         }

@@ -62,7 +62,16 @@ impl<M: Metric> Engine<M> {
             () => Refusal::NonManifold,
         };
         self.tally.refusals[why as usize] += stuck;
+        let mut may_retry = false;
         while let Some(candidate) = found.take_cheapest() {
+            if let Some(bounded) = &self.mesh.bounded
+                && !probe
+            {
+                let ends = [u, candidate.removed].map(|w| self.mesh.store.v[w.index()].origin);
+                if bounded.was_refused(ends, candidate.cost) {
+                    continue;
+                }
+            }
             // A vertex that has not been visited yet owns edges of unknown cost; they are evaluated in the
             // next sweep.
             let inherited = match self.mesh.store.bound[candidate.removed.index()] {
@@ -88,6 +97,11 @@ impl<M: Metric> Engine<M> {
                 is_probe: probe,
                 rings: [&*ru, &*rv],
             }) {
+                CollapseOutcome::Done if self.mesh.bounded.is_some() => {
+                    // Edges that were refused before may be possible now.
+                    self.mesh.store.bound[u.index()] = UNKNOWN;
+                    return;
+                }
                 CollapseOutcome::Done => {
                     least = found.within.iter().fold(least.min(inherited), |l, f| l.min(f.cost));
                     break;
@@ -95,6 +109,12 @@ impl<M: Metric> Engine<M> {
                 CollapseOutcome::Later(cost) => least = least.min(cost),
                 CollapseOutcome::Refused(why) => {
                     self.tally.refuse(why);
+                    if let (Some(bounded), Refusal::Cost) = (&mut self.mesh.bounded, why) {
+                        let ends = [u, candidate.removed].map(|w| self.mesh.store.v[w.index()].origin);
+                        bounded.set_witness(ends, self.scratch.bounded.witness);
+                        continue;
+                    }
+                    may_retry = true;
                     if let Some(other) = self.mesh.candidate_at_end(u, &candidate, why, tau, ru, members) {
                         found.within.push(other);
                     } else if !probe {
@@ -105,6 +125,14 @@ impl<M: Metric> Engine<M> {
             }
         }
         self.mesh.store.bound[u.index()] = least;
+        let origin = self.mesh.store.v[u.index()].origin;
+        // (Other refusals may end at a higher threshold, where a collapse onto an end is cheap enough.)
+        if let Some(bounded) = &mut self.mesh.bounded
+            && !probe
+            && !may_retry
+        {
+            bounded.set_tried(origin, tau);
+        }
     }
 }
 

@@ -10,7 +10,6 @@
 //! order of cost too. The result is the candidate that is closest by measurement.
 
 use super::context::{Run, RunOutcome, TopologyChanges};
-use super::copies::Copies;
 use super::trunk::Trunk;
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
@@ -30,10 +29,9 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: Goal,
-        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let lightest = self.best_outcome(metric, goal, copies, control)?;
+        let lightest = self.best_outcome(metric, goal, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
         let is_short = lightest.end == StopReason::Stuck && !lightest.keeps_all();
         if !is_short || near <= lightest.mesh.face_count() + 1 {
@@ -41,7 +39,7 @@ impl Run<'_, '_> {
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.best_outcome(metric, nearly, copies, control)?;
+        let other = self.best_outcome(metric, nearly, control)?;
         Ok(self.choose_when_unreachable(lightest, other, control))
     }
 
@@ -50,33 +48,14 @@ impl Run<'_, '_> {
         &mut self,
         metric: M,
         goal: Goal,
-        copies: &mut Copies<M>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let (mut trunk, mut sweeps) = match copies.before(&goal) {
-            Some(kept) => {
-                control.stage(Stage::Collapse);
-                kept
-            }
-            None => {
-                let mut trunk = self.begin(metric, NO_CHANGES, (&[], 0), control)?;
-                let sweeps = trunk.engine.begin_sweeps(&goal);
-                copies.keep(&trunk, &sweeps, usize::MAX);
-                (trunk, sweeps)
-            }
-        };
+        let mut trunk = self.begin(metric, NO_CHANGES, (&[], 0), control)?;
+        let mut sweeps = trunk.engine.begin_sweeps(&goal);
         let mut snapshot = None;
         let mut cuts = may_cut(self.options);
-        let mut end = None;
-        if copies.is_wanted() {
-            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeEither, control)?;
-            if end.is_none() && !trunk.engine.should_snapshot(&sweeps, &goal, false) {
-                copies.keep(&trunk, &sweeps, goal.faces.unwrap_or(0));
-            }
-        }
-        if end.is_none() {
-            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeTopologyChanges, control)?;
-        }
+        let mut end =
+            self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeTopologyChanges, control)?;
         if end.is_none() {
             if !trunk.engine.is_past_blocking(cuts) {
                 snapshot = Some(trunk.engine.snapshot(&sweeps));
@@ -257,8 +236,7 @@ mod tests {
         for (mesh, faces) in [(shapes::blob(4, 1), 500), (shapes::blob(5, 2), 100), (tori(), 400)] {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
-                let none = &mut Copies::none();
-                let done = run.relaxed(Memoryless, goal, none, &mut NoControl).unwrap();
+                let done = run.relaxed(Memoryless, goal, &mut NoControl).unwrap();
                 let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();

@@ -2,7 +2,6 @@
 
 use std::rc::Rc;
 
-use glam::Vec3;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{TriMesh, VertexId};
@@ -13,14 +12,12 @@ use crate::SimplifyError;
 use crate::attributes::Rows;
 use crate::attributes::normals::{self, Homes};
 use crate::attributes::recolor::{self, OwnParts};
-use crate::collapse::attributes::Attributes;
 use crate::collapse::components;
 use crate::collapse::cut::may_cut;
 use crate::collapse::order::NONE;
 use crate::collapse::ordered_input::{KeptInput, OriginalInput};
-use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
-use crate::collapse::{Engine, Goal, StopReason, Sweeps};
+use crate::collapse::{Engine, Goal, LiveMesh, StopReason, Sweeps};
 use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::cost::guard::Rules;
@@ -131,8 +128,7 @@ impl Run<'_, '_> {
                 return Err(SimplifyError::Cancelled);
             }
             let away = engine.estimate(None, None);
-            let mesh = &mut engine.mesh;
-            fitted = Some(self.fit::<M>(&mut mesh.store, &mut mesh.values.attributes, root, home, away));
+            fitted = Some(self.fit(&mut engine.mesh, root, home, away));
         }
         let (mesh, held) = self.finished_mesh(engine, root, home.as_deref())?;
         let removed = (engine.tally.parts_removed > 0).then(|| {
@@ -246,23 +242,18 @@ impl Run<'_, '_> {
     /// Runs the fit, including values if the run has any. Returns the remaining RMS distance, in the unit
     /// frame. `away` is its estimate from the costs: too large by about 1.8, as measured on eight models at
     /// 50 to 1 %.
-    fn fit<M: Metric>(
-        &self,
-        store: &mut Store<M::Memory>,
-        attributes: &mut Option<Attributes>,
-        root: &Root,
-        home: &[VertexId],
-        away: f64,
-    ) -> f64 {
-        let mut values = match (&root.originals, attributes, &store.wedges) {
+    fn fit<M: Metric>(&self, mesh: &mut LiveMesh<M>, root: &Root, home: &[VertexId], away: f64) -> f64 {
+        let mut attributes = mesh.values.attributes.take();
+        let store = &mut mesh.store;
+        let mut values = match (&root.originals, &mut attributes, &store.wedges) {
             (Some(originals), Some(attributes), Some(wedges)) => {
                 Some(fit::Values::new(originals, attributes, wedges.clone(), away))
             }
             _ => None,
         };
-        let before: Vec<Vec3> = match &values {
-            Some(_) => store.v.iter().map(|x| x.p).collect(),
-            None => Vec::new(),
+        let before: Vec<_> = match values.is_some() || mesh.bounded.is_some() {
+            true => store.v.iter().map(|x| (x.p, x.kind)).collect(),
+            false => Vec::new(),
         };
         let guards =
             MoveGuards::new(&Rules::new(self.options, self.ordered.frame, self.ordered.diagonal), store);
@@ -275,13 +266,18 @@ impl Run<'_, '_> {
                 fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor)
             }),
         };
+        if mesh.bounded.is_some() {
+            mesh.hold_back(&before);
+        }
         if let Some(values) = values {
+            let store = &mesh.store;
             values.solve(|face, k| {
                 let v = store.t[face][k];
                 let x = &store.v[v.index()];
-                (!x.kind.is_locked()).then(|| x.p - before[v.index()])
+                (!x.kind.is_locked()).then(|| x.p - before[v.index()].0)
             });
         }
+        mesh.values.attributes = attributes;
         fitted.rms
     }
 }

@@ -1,14 +1,12 @@
 //! Runs that end by an error limit.
 
 use super::context::{Finished, Run, RunOutcome};
-use super::copies::Copies;
 use super::level_search::{LevelCounts, LevelTest};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
-use crate::cost::metric::{Metric, with_metric};
+use crate::cost::metric::with_metric;
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
-use crate::options::MethodKind;
 
 /// Ratio of successive step limits of a method that is controlled by them.
 const TOLERANCE_FACTOR: f64 = 0.8;
@@ -20,24 +18,9 @@ const MAX_TOLERANCES: usize = 16;
 /// be.
 const MAX_HELD_RESULTS: usize = 3;
 
-/// Function that makes one of the runs of a search to several counts.
-type PassOfSearch =
-    Box<dyn FnMut(&mut Run<'_, '_>, Goal, &mut dyn Control) -> Result<RunOutcome, SimplifyError>>;
-
-/// Returns the runs of a search. Runs of methods that work by sweeps resume from one another.
-fn passes_of_search(method: MethodKind) -> PassOfSearch {
-    fn by<M: Metric + 'static>(metric: M) -> PassOfSearch {
-        let mut copies = Copies::of_search();
-        Box::new(move |run, goal, control| run.one_pass(metric, goal, &mut copies, control))
-    }
-    with_metric!(method, METRIC => by(METRIC))
-        .unwrap_or_else(|| Box::new(|run, goal, control| run.run_pass(goal, control)))
-}
-
 impl Run<'_, '_> {
-    /// Returns the lightest level of the search within `limit`.
-    ///
-    /// A level is the result of a run to its count, independent of the limit.
+    /// Returns a result within `limit`: by bounded collapses, or the lightest level of a search for methods that do not
+    /// collapse edges. A level is the result of a run to its count, independent of the limit.
     pub(super) fn run_within_error(
         mut self,
         limit: f64,
@@ -46,12 +29,18 @@ impl Run<'_, '_> {
         let Some(comparer) = self.input_comparer(control) else { return self.unchanged_input(None, control) };
         // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
+        let bounded = with_metric!(self.options.method.kind(), METRIC => self.run_bounded(METRIC, limit, &comparer, control));
+        if let Some(found) = bounded {
+            return match found? {
+                Some(finished) => Ok(finished),
+                None => self.unchanged_input(Some(&comparer), control),
+            };
+        }
         let all = self.ordered.faces.len();
         let counts = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
-        let mut pass = passes_of_search(self.options.method.kind());
-        let mut run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
+        let run_to = |run: &mut Self, level: usize, control: &mut dyn Control| {
             let goal = Goal { faces: Some(counts.count(level)), vertices: run.goal.vertices };
-            pass(run, goal, control)
+            run.run_pass(goal, control)
         };
         // The lightest level that seems to be within the limit: a spot check rules out most levels.
         let mut seemingly: Vec<(usize, RunOutcome)> = Vec::new();
