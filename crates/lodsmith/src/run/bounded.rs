@@ -30,7 +30,7 @@ const START_SHARE: f64 = 0.7;
 /// Number of faces below which they do not start later.
 const MIN_START_FACES: usize = 20;
 /// Shares of the limit that the bounded sweeps use, until the whole is proven.
-const LIMIT_SHARES: [f64; 4] = [0.999, 0.999, 0.999, 0.99];
+const LIMIT_SHARES: [f64; 6] = [0.999, 0.999, 0.999, 0.999, 0.995, 0.99];
 
 impl Run<'_, '_> {
     /// Returns the result of collapses that are each tested against the limit; `None` if no result is proven to be
@@ -70,8 +70,7 @@ impl Run<'_, '_> {
                 dense.sort_unstable();
             }
         }
-        let outcome = self.finish(&mut trunk.engine, &trunk.root, StopReason::Exhausted, false, control)?;
-        Ok(proven(outcome, limit, comparer))
+        Ok(None)
     }
 
     /// Sweeps without a limit as far as samples stay well within it. Also returns true if the caller ends the run.
@@ -84,41 +83,54 @@ impl Run<'_, '_> {
     ) -> Result<(Trunk<M>, bool), SimplifyError> {
         let is_free = self.options.topology == TopologyPolicy::Free;
         let allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
-        let mut trunk = self.begin(metric, allowed, (&[], 0), control)?;
-        let mut faces = trunk.engine.mesh.store.live_faces;
+        let mut most_levels = usize::MAX;
         loop {
-            faces = (faces as f64 * START_STEP) as usize;
-            if faces < self.goal.faces.unwrap_or(0).max(MIN_START_FACES) {
-                break;
-            }
-            control.stage(Stage::Collapse);
-            let goal = Goal { faces: Some(faces), vertices: self.goal.vertices };
-            let before = trunk.engine.branch();
-            let mut sweeps = trunk.engine.begin_sweeps(&goal);
-            let source = self.source(&trunk.root);
-            match trunk.engine.resume_sweeps(&mut sweeps, &goal, Pause::Never, &source, control) {
-                Some(StopReason::Cancel) => return Err(SimplifyError::Cancelled),
-                Some(StopReason::Finish) => {
-                    trunk.engine = before;
-                    trunk.engine.mesh.store.compact();
-                    return Ok((trunk, true));
+            let mut trunk = self.begin(metric, allowed, (&[], 0), control)?;
+            let mut faces = trunk.engine.mesh.store.live_faces;
+            let mut levels = 0;
+            while levels < most_levels {
+                faces = (faces as f64 * START_STEP) as usize;
+                if faces < self.goal.faces.unwrap_or(0).max(MIN_START_FACES) {
+                    break;
                 }
-                Some(StopReason::Goal) => {}
-                _ => {
+                control.stage(Stage::Collapse);
+                let goal = Goal { faces: Some(faces), vertices: self.goal.vertices };
+                let before = trunk.engine.branch();
+                let mut sweeps = trunk.engine.begin_sweeps(&goal);
+                let source = self.source(&trunk.root);
+                let end = trunk.engine.resume_sweeps(&mut sweeps, &goal, Pause::Never, &source, control);
+                match end {
+                    Some(StopReason::Cancel) => return Err(SimplifyError::Cancelled),
+                    Some(StopReason::Goal) => {}
+                    _ => {
+                        trunk.engine = before;
+                        trunk.engine.mesh.store.compact();
+                        if end == Some(StopReason::Finish) {
+                            return Ok((trunk, true));
+                        }
+                        break;
+                    }
+                }
+                trunk.engine.mesh.store.compact();
+                control.stage(Stage::Measure);
+                let made = self.prepared(&trunk.engine);
+                if !made.is_some_and(|made| comparer.passes_spot_check(&made, START_SHARE * limit)) {
                     trunk.engine = before;
                     break;
                 }
+                levels += 1;
             }
             trunk.engine.mesh.store.compact();
-            control.stage(Stage::Measure);
-            let made = self.prepared(&trunk.engine);
-            if !made.is_some_and(|made| comparer.passes_spot_check(&made, START_SHARE * limit)) {
-                trunk.engine = before;
-                break;
+            // (A place that is beyond the limit already stays so.)
+            let is_within = levels == 0
+                || self
+                    .prepared(&trunk.engine)
+                    .is_some_and(|made| comparer.proven_within(&made, LIMIT_SHARES[0] * limit).is_some());
+            if is_within {
+                return Ok((trunk, false));
             }
+            most_levels = levels - 1;
         }
-        trunk.engine.mesh.store.compact();
-        Ok((trunk, false))
     }
 
     /// Sweeps under a limit.
@@ -137,7 +149,10 @@ impl Run<'_, '_> {
         });
         trunk.engine.set_limit(bounded);
         let end = trunk.engine.sweep(&self.goal, &source, control);
-        if end == StopReason::Exhausted && self.options.topology != TopologyPolicy::Preserve {
+        if end == StopReason::Exhausted
+            && self.options.topology != TopologyPolicy::Preserve
+            && dense.is_empty()
+        {
             trunk.engine.remove_parts_within();
         }
         if end == StopReason::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }

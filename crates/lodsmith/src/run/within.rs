@@ -7,6 +7,7 @@ use crate::collapse::{Goal, StopReason};
 use crate::control::{Control, Stage};
 use crate::cost::metric::with_metric;
 use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
+use crate::options::TopologyPolicy;
 
 /// Ratio of successive step limits of a method that is controlled by them.
 const TOLERANCE_FACTOR: f64 = 0.8;
@@ -14,6 +15,8 @@ const TOLERANCE_FACTOR: f64 = 0.8;
 /// (Guessed: a thirtieth of the limit.)
 const MAX_TOLERANCES: usize = 16;
 
+/// Share of the faces of a bounded run that a plain run has to stay within the limit with, to be preferred.
+const CHALLENGE_SHARE: f64 = 0.9;
 /// Maximum number of results that are kept because they seem to be within the limit, until one is proven to
 /// be.
 const MAX_HELD_RESULTS: usize = 3;
@@ -31,10 +34,13 @@ impl Run<'_, '_> {
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let bounded = with_metric!(self.options.method.kind(), METRIC => self.run_bounded(METRIC, limit, &comparer, control));
         if let Some(found) = bounded {
-            return match found? {
-                Some(finished) => Ok(finished),
-                None => self.unchanged_input(Some(&comparer), control),
-            };
+            let found = found?;
+            if let Some(finished) = found {
+                let is_over = finished.0.end == StopReason::Finish;
+                if is_over || !self.is_beaten(finished.0.mesh.face_count(), limit, &comparer, control)? {
+                    return Ok(finished);
+                }
+            }
         }
         let all = self.ordered.faces.len();
         let counts = LevelCounts::new(all, self.goal.faces.unwrap_or(1).clamp(1, all));
@@ -90,6 +96,27 @@ impl Run<'_, '_> {
             level -= 1;
         }
         self.unchanged_input(Some(&comparer), control)
+    }
+
+    /// True if a run that does not know the limit, and may remove parts and cut necks, is within it with clearly fewer
+    /// faces.
+    fn is_beaten(
+        &mut self,
+        faces: usize,
+        limit: f64,
+        comparer: &InputComparer,
+        control: &mut dyn Control,
+    ) -> Result<bool, SimplifyError> {
+        let fewer = (faces as f64 * CHALLENGE_SHARE) as usize;
+        if self.options.topology == TopologyPolicy::Preserve || fewer < self.goal.faces.unwrap_or(1).max(4) {
+            return Ok(false);
+        }
+        let goal = Goal { faces: Some(fewer), vertices: self.goal.vertices };
+        let outcome = self.run_pass(goal, control)?;
+        control.stage(Stage::Measure);
+        Ok(outcome.end == StopReason::Goal
+            && PreparedResult::new(&outcome.mesh)
+                .is_some_and(|made| comparer.passes_spot_check(&made, limit)))
     }
 
     /// Returns the unchanged input: not even one collapse stays within the limit.
