@@ -39,6 +39,7 @@ mod hand_over;
 mod hub_budget;
 mod invariants;
 pub(crate) mod kind;
+mod limit;
 mod link_condition;
 mod locks;
 mod marks;

@@ -10,6 +10,7 @@
 //! piece is cut along the prism over the face nearest to its middle, a little outside of it, so there are
 //! about as many parts as faces below the piece; a piece much larger than that face is halved.
 
+pub mod cover;
 pub mod local;
 mod piece;
 mod target;

@@ -1,117 +1,94 @@
-//! Bounded collapses: while a limit is set, a collapse is only done if the input near it stays within a distance of
-//! the result, and the result within that distance of the input.
-//!
-//! ```text
-//! samples of the input belong to faces of the mesh; the samples of the star that changes
-//!     move to the nearest new face, or to one around the star       one beyond the limit: refused
-//! new faces                                                          proven within the limit of the input
-//! faces of the input with a sample far from the result               proven within the limit of the result
-//! ```
-//!
-//! A refused edge is not tried again until a star at one of its ends has changed.
+//! What a run knows about a limit: samples of the input, and the faces of the mesh that they are near.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::measure::Prepared;
+use lodsmith_core::measure::proof::cover::{Cover, CoverScratch};
 use lodsmith_core::measure::proof::local::{BoxedFace, FaceTest};
 use lodsmith_core::spatial::{Bvh, Hint};
-use lodsmith_core::{FaceId, PositionsView, Surface, VertexId};
+use lodsmith_core::{PositionsView, Surface, VertexId};
 
-use super::bound::UNKNOWN;
-use super::components::Component;
-use super::kind::Kind;
-use super::order::NONE;
-use super::parts::all_but_most_expensive;
-use super::ring::{Ring, distinct};
 use super::store::Store;
 use super::triangle;
-use super::wings::Wings;
-use super::{Engine, LiveMesh};
-use crate::cost::metric::{Metric, VertexMemory};
+use crate::cost::metric::VertexMemory;
 
 /// End of a list.
-const END: u32 = u32::MAX;
-/// A face of the input is tested exactly if one of its samples is farther than this share of the limit. (Measured:
-/// at .6 the proof of the whole fails, and at .3 it takes no less time.)
-const EXACT_SHARE: f32 = 0.5;
+pub(super) const END: u32 = u32::MAX;
 /// Samples are at most this many limits apart...
 const SPACING: f64 = 6.0;
-/// ... but there are about this many on the whole input, if its faces are large.
-const MAX_GRID_SAMPLES: f64 = 180_000.0;
+/// ... but there are about this many for each face of the input, or on the whole of it, if its faces are large.
+const GRID_SAMPLES_PER_FACE: f64 = 4.0;
+const MIN_GRID_SAMPLES: f64 = 180_000.0;
+/// ... and on the sides of faces at which the surface turns by more than this angle (or ends) this many times closer:
+/// that is where a result may be too far between two samples that are not. (Measured: without, four of ten runs had to be
+/// repeated.)
+const SHARP_COS: f32 = 0.9;
+const SHARP_FACTOR: f64 = 3.0;
 /// Largest number of samples along a side of a face, and between two sides.
 const MAX_GRID: usize = 256;
 /// Samples are closer by this factor on a face each time that a result is beyond the limit there.
 const DENSER: f64 = 8.0;
-/// Smallest cosine between a face before and after a move of the fit.
-const MIN_TURN_COS: f32 = 0.2;
 /// Part of the limit that is left for rounding to single precision, in the unit frame.
 const ROUNDING: f64 = 4e-7;
 
-/// The faces of the input, in the unit frame.
-struct InputFaces {
-    points: Vec<Vec3>,
-    faces: Vec<[VertexId; 3]>,
-    /// First face of each vertex in `of_vertices`.
-    first: Vec<u32>,
-    of_vertices: Vec<u32>,
-}
-
 /// A sample of the input, in the list of a face of the mesh.
 #[derive(Clone, Copy)]
-struct FaceSample {
-    p: Vec3,
+pub(super) struct FaceSample {
+    pub(super) p: Vec3,
     /// Upper bound of its squared distance to the mesh.
-    distance_sq: f32,
-    next: u32,
+    pub(super) distance_sq: f32,
+    pub(super) next: u32,
     /// The vertex of the input that it is, or the face that it lies in, counted from the number of vertices.
-    home: u32,
+    pub(super) home: u32,
 }
 
 /// The limit, and what is known about the mesh.
 #[derive(Clone)]
 pub(crate) struct Bounded {
-    input: Arc<Prepared>,
-    faces: Arc<InputFaces>,
-    frame: UnitFrame,
+    pub(super) input: Arc<Prepared>,
+    pub(super) cover: Arc<Cover>,
+    /// By face of the input: true if it is tested exactly whenever one of its samples moves. Empty if none is.
+    pub(super) is_exact: Arc<[bool]>,
+    pub(super) frame: UnitFrame,
     /// In user units, and in the unit frame.
-    limit: f64,
-    unit_limit: f64,
-    limit_sq: f32,
-    samples: Vec<FaceSample>,
-    /// First sample of each face of the mesh, and the face of the input's tree that was near it, by name of the face.
-    heads: Vec<u32>,
-    near: Vec<u32>,
+    pub(super) limit: f64,
+    pub(super) unit_limit: f64,
+    pub(super) limit_sq: f32,
+    pub(super) samples: Vec<FaceSample>,
+    /// By name of a face of the mesh: its first sample; the face of the input, and of the input's tree, that was near it.
+    pub(super) heads: Vec<u32>,
+    pub(super) near: Vec<[u32; 2]>,
     /// Number of collapses so far.
-    change: u32,
+    pub(super) change: u32,
     /// By number in the ordered input: the last collapse that changed the star; the collapse and threshold up to which
     /// the edges of the vertex were tried; the sample that refused an edge last.
-    changes: Vec<u32>,
-    tried: Vec<(u32, f32)>,
-    witness: Vec<u32>,
+    pub(super) changes: Vec<u32>,
+    pub(super) tried: Vec<(u32, f32)>,
+    pub(super) witness: Vec<u32>,
 }
 
 /// A sample that moves to a face.
 #[derive(Clone, Copy)]
-struct Moved {
-    sample: u32,
+pub(super) struct Moved {
+    pub(super) sample: u32,
     /// Index in the list of new faces, then of faces around.
-    to: u32,
-    distance_sq: f32,
+    pub(super) to: u32,
+    pub(super) distance_sq: f32,
 }
 
 /// A face of the mesh, after the collapse.
 #[derive(Clone, Copy)]
-struct NearFace {
-    face: u32,
-    corners: [Vec3; 3],
+pub(super) struct NearFace {
+    pub(super) face: u32,
+    pub(super) corners: [Vec3; 3],
     /// Unit normal; zero without an area.
-    normal: Vec3,
+    pub(super) normal: Vec3,
 }
 
 impl NearFace {
-    fn new(face: usize, corners: [Vec3; 3]) -> Self {
+    pub(super) fn new(face: usize, corners: [Vec3; 3]) -> Self {
         let [a, b, c] = corners;
         Self { face: face as u32, corners, normal: (b - a).cross(c - a).normalize_or_zero() }
     }
@@ -120,21 +97,22 @@ impl NearFace {
 /// Scratch buffers of a test.
 #[derive(Clone, Default)]
 pub(super) struct BoundScratch {
-    old: Vec<u32>,
+    pub(super) old: Vec<u32>,
     /// The new faces, then those around them.
-    faces: Vec<NearFace>,
-    new_count: usize,
-    moved: Vec<Moved>,
-    near: Vec<u32>,
-    homes: Vec<(u32, u32)>,
-    corners: Vec<BoxedFace>,
-    test: FaceTest,
+    pub(super) faces: Vec<NearFace>,
+    pub(super) new_count: usize,
+    pub(super) moved: Vec<Moved>,
+    pub(super) near: Vec<[u32; 2]>,
+    pub(super) input_faces: Vec<(u32, u32)>,
+    pub(super) corners: Vec<BoxedFace>,
+    pub(super) test: FaceTest,
+    pub(super) cover: CoverScratch,
     /// The sample that refused the last collapse.
     pub(super) witness: u32,
 }
 
 /// Returns the nearest of some faces, if it is nearer than a squared distance, and that of it.
-fn nearest(p: Vec3, faces: &[NearFace], mut best: (f32, u32), first: usize) -> (f32, u32) {
+pub(super) fn nearest(p: Vec3, faces: &[NearFace], mut best: (f32, u32), first: usize) -> (f32, u32) {
     for (i, f) in faces.iter().enumerate() {
         let height = f.normal.dot(p - f.corners[0]);
         if height * height >= best.0 {
@@ -185,15 +163,37 @@ fn sample_face(corners: [Vec3; 3], spacing: f32, mut add: impl FnMut(Vec3)) {
 }
 
 /// Returns the tree of a compact store.
-fn tree_of<Q: VertexMemory>(store: &Store<Q>) -> Bvh {
+pub(super) fn tree_of<Q: VertexMemory>(store: &Store<Q>) -> Bvh {
     let positions: Vec<[f32; 3]> = store.v.iter().map(|x| x.p.to_array()).collect();
     Bvh::new(&Surface::new(PositionsView::F32(&positions), &store.t).expect("the faces of a store are sound"))
 }
 
+/// Returns a list of samples, with their numbers.
+fn listed(samples: &[FaceSample], head: u32) -> impl Iterator<Item = (u32, &FaceSample)> {
+    let mut next = head;
+    std::iter::from_fn(move || {
+        let i = next;
+        let s = samples.get(i as usize)?;
+        next = s.next;
+        Some((i, s))
+    })
+}
+
+/// Returns the faces of the input around a sample.
+pub(super) fn homes<'a>(cover: &'a Cover, sample: &FaceSample) -> impl Iterator<Item = u32> + 'a {
+    let home = sample.home as usize;
+    let (of_vertex, own) = match home.checked_sub(cover.vertex_count()) {
+        None => (cover.around(home), None),
+        Some(face) => (&[][..], Some(face as u32)),
+    };
+    of_vertex.iter().copied().chain(own)
+}
+
 impl Bounded {
     /// Gives the samples of an input to the faces of a compact store, whose faces are named by their place. Samples are
-    /// closer together on the `dense` faces of the input, which are sorted, each as often as it is too far; without them there are none, and only the result has to
-    /// stay within the limit.
+    /// closer together on the `dense` faces of the input, which are sorted, the more so the more often one is listed, and
+    /// those faces are always tested exactly. Without a list there are no samples, and only the result has to stay within
+    /// the limit.
     ///
     /// Cost: O(n log n).
     pub(crate) fn new<Q: VertexMemory>(
@@ -206,29 +206,23 @@ impl Bounded {
     ) -> Self {
         let unit_limit = (frame.unit_length(limit) - ROUNDING).max(0.0);
         let limit = frame.user_length(unit_limit);
-        let mut first = vec![0u32; points.len() + 1];
-        faces.as_flattened().iter().for_each(|v| first[v.index() + 1] += 1);
-        for i in 1..first.len() {
-            first[i] += first[i - 1];
-        }
-        let mut at = first.clone();
-        let mut of_vertices = vec![0u32; 3 * faces.len()];
-        for (i, v) in faces.iter().enumerate().flat_map(|(i, t)| t.iter().map(move |v| (i, v))) {
-            of_vertices[at[v.index()] as usize] = i as u32;
-            at[v.index()] += 1;
-        }
+        let cover = Cover::new(points, faces);
+        let mut is_exact =
+            vec![false; if dense.is_some_and(|all| !all.is_empty()) { faces.len() } else { 0 }];
+        dense.into_iter().flatten().for_each(|&face| is_exact[face as usize] = true);
         let mut samples = Vec::with_capacity(points.len() + faces.len());
         let mut add = |p: Vec3, home: usize| {
             samples.push(FaceSample { p, distance_sq: 0.0, next: END, home: home as u32 });
         };
         for (i, p) in points.iter().enumerate() {
-            if dense.is_some() && first[i] < first[i + 1] {
+            if !cover.around(i).is_empty() {
                 add(*p, i);
             }
         }
         let area = |[a, b, c]: [Vec3; 3]| f64::from((b - a).cross(c - a).length()) / 2.0;
         let total: f64 = faces.iter().map(|t| area(t.map(|v| points[v.index()]))).sum();
-        let spacing = (SPACING * unit_limit).max((total / MAX_GRID_SAMPLES).sqrt());
+        let spacing = (SPACING * unit_limit)
+            .max((total / MIN_GRID_SAMPLES.max(GRID_SAMPLES_PER_FACE * faces.len() as f64)).sqrt());
         for (i, t) in faces.iter().enumerate().filter(|_| dense.is_some()) {
             let corners = t.map(|v| points[v.index()]);
             let times = dense.map_or(0, |all| {
@@ -236,6 +230,14 @@ impl Bounded {
             });
             let spacing = spacing / DENSER.powi(times as i32);
             sample_face(corners, spacing as f32, |p| add(p, points.len() + i));
+        }
+        let sharp_spacing = (spacing / SHARP_FACTOR) as f32;
+        for (i, t) in faces.iter().enumerate() {
+            for k in (0..3).filter(|&k| cover.is_sharp(i as u32, k, SHARP_COS)) {
+                let [from, to] = [t[k], t[(k + 1) % 3]].map(|v| points[v.index()]);
+                let count = ((from.distance(to) / sharp_spacing).ceil() as usize).min(MAX_GRID);
+                (1..count).for_each(|j| add(from.lerp(to, j as f32 / count as f32), points.len() + i));
+            }
         }
         let tree = tree_of(store);
         let mut heads = vec![END; store.t.len()];
@@ -245,16 +247,29 @@ impl Bounded {
             s.distance_sq = hit.distance_sq as f32;
             s.next = std::mem::replace(&mut heads[hit.face.index()], i as u32);
         }
-        let faces = InputFaces { points: points.to_vec(), faces: faces.to_vec(), first, of_vertices };
+        // Of the faces of the input near a face, the one that is turned like it.
+        let input_face = |(&head, t): (&u32, &[VertexId; 3])| {
+            let [a, b, c] = t.map(|v| store.p(v));
+            let normal = (b - a).cross(c - a);
+            let near = listed(&samples, head).flat_map(|(_, s)| homes(&cover, s));
+            let turned = |&face: &u32| cover.normal(face).normalize_or_zero().dot(normal);
+            near.max_by(|x, y| turned(x).total_cmp(&turned(y))).unwrap_or(END)
+        };
+        let near = heads.iter().zip(&store.t).map(|x| [input_face(x), u32::MAX]).collect();
+        if dense.is_none() {
+            samples.clear();
+            heads.fill(END);
+        }
         Self {
             input,
-            faces: Arc::new(faces),
+            cover: Arc::new(cover),
+            is_exact: is_exact.into(),
             frame,
             limit,
             unit_limit,
             limit_sq: (unit_limit * unit_limit) as f32,
             samples,
-            near: vec![u32::MAX; heads.len()],
+            near,
             heads,
             change: 1,
             changes: vec![1; store.merged_into.len()],
@@ -284,386 +299,27 @@ impl Bounded {
         }
     }
 
-    /// Returns the faces of the input that are not proven to be within a distance of a result, in user units.
+    /// Returns the faces of the input that are not proven to be within a distance of a result, in user units, and those
+    /// around them.
     pub(crate) fn faces_beyond(&self, made: &Prepared, limit: f64) -> Vec<u32> {
         let mut test = FaceTest::default();
         let mut near = u32::MAX;
         let mut is_beyond = |face: &u32| {
-            let t = self.faces.faces[*face as usize];
-            let user = t.map(|v| self.frame.user_from_unit(self.faces.points[v.index()].as_dvec3()));
+            let user = self.cover.corners(*face).map(|p| self.frame.user_from_unit(p));
             !test.is_within(user, made, limit, &mut near)
         };
-        (0..self.faces.faces.len() as u32).filter(|face| is_beyond(face)).collect()
-    }
-
-    /// Lists the faces of the input around a sample.
-    fn homes(&self, sample: &FaceSample) -> impl Iterator<Item = u32> + '_ {
-        let home = sample.home as usize;
-        let count = self.faces.points.len();
-        let (of_vertex, own) = match home.checked_sub(count) {
-            None => (self.faces.first[home]..self.faces.first[home + 1], None),
-            Some(face) => (0..0, Some(face as u32)),
-        };
-        of_vertex.map(|i| self.faces.of_vertices[i as usize]).chain(own)
-    }
-}
-
-impl<M: Metric> Engine<M> {
-    /// Sets a limit, after a compaction.
-    pub(crate) fn set_limit(&mut self, bounded: Bounded) {
-        self.mesh.store.names = Some((0..self.mesh.store.t.len() as u32).collect());
-        self.mesh.store.bound.fill(UNKNOWN);
-        self.mesh.constraints.keeps_parts = true;
-        self.mesh.constraints.cuts_necks = false;
-        self.mesh.topology = super::Topology::default();
-        self.mesh.bounded = Some(Box::new(bounded));
-    }
-}
-
-impl<M: Metric> Engine<M> {
-    /// Removes parts of a compact mesh of which all samples are within the limit of the other parts, the cheapest
-    /// first. One part stays.
-    ///
-    /// Cost: O(n log n).
-    pub(crate) fn remove_parts_within(&mut self) {
-        let (part_of, parts) = self.mesh.find_parts();
-        let LiveMesh { store, bounded: Some(bounded), .. } = &mut self.mesh else { return };
-        if parts.len() < 2 || bounded.samples.is_empty() {
-            return;
-        }
-        let Some(names) = &store.names else { return };
-        let tree = tree_of(store);
-        let part_of = |t: &[VertexId; 3]| part_of[t[0].index()] as usize;
-        let mut faces_of = vec![Vec::new(); parts.len()];
-        for (face, t) in store.t.iter().enumerate() {
-            faces_of[part_of(t)].push(face);
-        }
-        let cost: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
-        let mut is_gone = vec![false; parts.len()];
-        let mut moved = Vec::new();
-        for part in all_but_most_expensive((0..parts.len()).collect(), &cost) {
-            moved.clear();
-            if !cost[part].is_finite() {
-                continue;
-            }
-            let stays = |face: FaceId| {
-                let other = part_of(&store.t[face.index()]);
-                other != part && !is_gone[other]
-            };
-            let mut is_within = true;
-            'faces: for &face in &faces_of[part] {
-                let mut i = bounded.heads[names[face] as usize];
-                while i != END {
-                    let s = &bounded.samples[i as usize];
-                    let p = s.p.as_dvec3().to_array();
-                    let Some(hit) = tree.closest_of_within(p, bounded.unit_limit, stays) else {
-                        is_within = false;
-                        break 'faces;
-                    };
-                    moved.push((i, hit.face, hit.distance_sq as f32));
-                    i = s.next;
-                }
-            }
-            if !is_within {
-                continue;
-            }
-            is_gone[part] = true;
-            self.tally.parts_removed += 1;
-            for &face in &faces_of[part] {
-                bounded.heads[names[face] as usize] = END;
-            }
-            for &(i, face, distance_sq) in &moved {
-                let next = std::mem::replace(&mut bounded.heads[names[face.index()] as usize], i);
-                let s = &mut bounded.samples[i as usize];
-                (s.distance_sq, s.next) = (distance_sq, next);
-            }
-        }
-        if !is_gone.contains(&true) {
-            return;
-        }
-        let gone: Vec<usize> = (0..store.t.len()).filter(|&face| is_gone[part_of(&store.t[face])]).collect();
-        store.live_faces -= gone.len();
-        gone.into_iter().for_each(|face| store.t[face][0] = NONE);
-        let is_used = |t: &&[VertexId; 3]| t[0] != NONE;
-        let mut used = vec![false; store.v.len()];
-        store.t.iter().filter(is_used).flatten().for_each(|v| used[v.index()] = true);
-        store.live_vertices = used.iter().filter(|used| **used).count();
-        store.compact();
-    }
-}
-
-impl<M: Metric> LiveMesh<M> {
-    /// True if the mesh stays within the limit when the ends of an edge are merged at `at`, with the triangles of the
-    /// star in the wings. The buffers then say where the samples go. Otherwise returns the sample that is too far, or
-    /// [`END`].
-    pub(super) fn stays_within(
-        &self,
-        bounded: &Bounded,
-        ends: [VertexId; 2],
-        at: Vec3,
-        wings: &Wings,
-        buffers: &mut BoundScratch,
-    ) -> Result<(), u32> {
-        let names = self.store.names.as_ref().expect("faces of a bounded run have names");
-        let BoundScratch { old, faces, new_count, moved, near, homes, corners, test, .. } = buffers;
-        old.clear();
-        faces.clear();
-        moved.clear();
-        near.clear();
-        for w in wings.iter() {
-            let face = w.corner.face();
-            old.push(face as u32);
-            if !w.both {
-                faces.push(NearFace::new(face, [at, self.store.p(w.a), self.store.p(w.b)]));
-            }
-        }
-        *new_count = faces.len();
-        // The sample that refused last is likely to refuse again.
-        for end in ends {
-            let i = bounded.witness[end.index()];
-            if let Some(s) = bounded.samples.get(i as usize) {
-                let limit_sq = bounded.limit_sq.max(s.distance_sq);
-                if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
-                    self.add_around(old, wings, faces, *new_count);
-                    if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
-                        return Err(i);
-                    }
-                }
-            }
-        }
-        for &face in old.iter() {
-            let mut i = bounded.heads[names[face as usize] as usize];
-            while i != END {
-                let s = &bounded.samples[i as usize];
-                let limit_sq = bounded.limit_sq.max(s.distance_sq);
-                let mut best = nearest(s.p, &faces[..*new_count], (f32::INFINITY, 0), 0);
-                if best.0 > limit_sq {
-                    self.add_around(old, wings, faces, *new_count);
-                    best = nearest(s.p, &faces[*new_count..], best, *new_count);
-                    if best.0 > limit_sq {
-                        return Err(i);
-                    }
-                }
-                moved.push(Moved { sample: i, to: best.1, distance_sq: best.0 });
-                i = s.next;
-            }
-        }
-        homes.clear();
-        let far_sq = EXACT_SHARE * EXACT_SHARE * bounded.limit_sq;
-        for m in moved.iter().filter(|m| m.distance_sq > far_sq) {
-            homes.extend(bounded.homes(&bounded.samples[m.sample as usize]).map(|face| (face, m.to)));
-        }
-        if !homes.is_empty() {
-            homes.sort_unstable();
-            homes.dedup_by_key(|home| home.0);
-            self.add_around(old, wings, faces, *new_count);
-        }
-        corners.clear();
-        corners.extend(faces.iter().map(|f| BoxedFace::new(f.corners.map(Vec3::as_dvec3))));
-        for &(face, to) in homes.iter() {
-            let mut hint = to;
-            let input = &bounded.faces;
-            let face = input.faces[face as usize].map(|v| input.points[v.index()].as_dvec3());
-            if !test.is_within_few(face, corners, bounded.unit_limit, &mut hint) {
-                return Err(END);
-            }
-        }
-        for f in &faces[..*new_count] {
-            let mut hint = bounded.near[names[f.face as usize] as usize];
-            let user = f.corners.map(|p| bounded.frame.user_from_unit(p.as_dvec3()));
-            if !test.is_within(user, &bounded.input, bounded.limit, &mut hint) {
-                return Err(END);
-            }
-            near.push(hint);
-        }
-        Ok(())
-    }
-
-    /// Adds the faces around the star to the new faces, once.
-    fn add_around(&self, old: &[u32], wings: &Wings, faces: &mut Vec<NearFace>, new_count: usize) {
-        if faces.len() > new_count {
-            return;
-        }
-        let mut around: Vec<u32> = Vec::new();
-        let rim = wings.iter().filter(|w| !w.both).flat_map(|w| [w.a, w.b]);
-        for w in rim {
-            around.extend(self.store.listed(w).iter().map(|c| c.face() as u32));
-        }
+        let beyond: Vec<u32> = (0..self.cover.face_count() as u32).filter(|face| is_beyond(face)).collect();
+        let corners = beyond.iter().flat_map(|&face| self.cover.face(face));
+        let mut around: Vec<u32> = corners.flat_map(|v| self.cover.around(v.index())).copied().collect();
         around.sort_unstable();
         around.dedup();
-        for face in around.into_iter().filter(|face| !old.contains(face)) {
-            faces.push(NearFace::new(face as usize, self.store.t[face as usize].map(|v| self.store.p(v))));
-        }
-    }
-
-    /// Takes moves of vertices back as far as the limit requires: all of a move, half of it, or none. `before` has the
-    /// positions and kinds before the moves.
-    pub(crate) fn hold_back(&mut self, before: &[(Vec3, Kind)]) {
-        let mut moves = Vec::new();
-        for (i, (x, &(p, kind))) in self.store.v.iter_mut().zip(before).enumerate() {
-            if x.p != p {
-                moves.push((VertexId(i as u32), x.p, x.kind));
-                (x.p, x.kind) = (p, kind);
-            }
-        }
-        let (mut ring, mut wings, mut buffers) = (Ring::default(), Wings::default(), BoundScratch::default());
-        for (u, to, kind) in moves {
-            self.store.ring(u, &mut ring);
-            wings.clear();
-            wings.add_rim(&ring, |_| false);
-            let x = &self.store.v[u.index()];
-            let (from, origin) = (x.p, x.origin);
-            for at in [to, from.lerp(to, 0.5)] {
-                let is_upright = wings.iter().all(|w| {
-                    let [a, b] = [w.a, w.b].map(|w| self.store.p(w));
-                    let [old, new] = [from, at].map(|p| (a - p).cross(b - p));
-                    old.dot(new) > MIN_TURN_COS * old.length() * new.length() || old == Vec3::ZERO
-                });
-                let bounded = self.bounded.as_ref().expect("a limit is set");
-                if is_upright && self.stays_within(bounded, [origin; 2], at, &wings, &mut buffers).is_ok() {
-                    let x = &mut self.store.v[u.index()];
-                    (x.p, x.kind) = (at, kind);
-                    self.move_samples(&buffers);
-                    break;
-                }
-            }
-        }
-    }
-
-    /// Moves the samples after a collapse that was tested, and marks what has changed around the merged vertex `u`.
-    pub(super) fn note_bounded(&mut self, u: VertexId, buffers: &BoundScratch) {
-        self.move_samples(buffers);
-        let Self { store, bounded, .. } = self;
-        let Some(bounded) = bounded else { return };
-        bounded.change += 1;
-        let (mut around, mut beyond) = (Ring::default(), Ring::default());
-        store.ring(u, &mut around);
-        for w in distinct(&around).chain([u]) {
-            bounded.changes[store.v[w.index()].origin.index()] = bounded.change;
-            store.ring(w, &mut beyond);
-            for x in beyond.iter().flat_map(|r| [r.a, r.b]).chain([w]) {
-                let bound = &mut store.bound[x.index()];
-                if *bound == f32::INFINITY && x != NONE {
-                    *bound = UNKNOWN;
-                }
-            }
-        }
-    }
-
-    /// Gives samples to the faces that a test found.
-    fn move_samples(&mut self, buffers: &BoundScratch) {
-        let (Some(bounded), Some(names)) = (&mut self.bounded, &self.store.names) else { return };
-        let BoundScratch { old, faces, new_count, moved, near, .. } = buffers;
-        for &face in old {
-            bounded.heads[names[face as usize] as usize] = END;
-        }
-        for m in moved {
-            let head = &mut bounded.heads[names[faces[m.to as usize].face as usize] as usize];
-            let s = &mut bounded.samples[m.sample as usize];
-            (s.distance_sq, s.next) = (m.distance_sq, std::mem::replace(head, m.sample));
-        }
-        for (f, near) in faces[..*new_count].iter().zip(near) {
-            bounded.near[names[f.face as usize] as usize] = *near;
-        }
+        around
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collapse::Engine;
-    use crate::collapse::candidate::CollapseOutcome;
-    use crate::collapse::test_support::{checked, engine_of, try_at, without_lines};
-    use crate::cost::metric::Memoryless;
-    use crate::report::Refusal;
-    use crate::test_support::{SmallMesh, sheet};
-
-    const FRAME: UnitFrame = UnitFrame::with_size([0.0; 3], 1.0);
-
-    /// Returns an engine of a flat sheet of 5 × 5 cells that has to stay within a distance of itself.
-    fn bounded(limit: f64, is_two_sided: bool) -> (SmallMesh, Engine<Memoryless>) {
-        let small = sheet(5);
-        let mut engine = engine_of(Memoryless, &small, &without_lines());
-        let mesh = small.mesh();
-        let input = Arc::new(Prepared::new(&mesh.surface()).expect("there are faces"));
-        let given = (&small.points[..], &small.triangles()[..]);
-        let kept = is_two_sided.then_some(&[][..]);
-        let bounded = Bounded::new(input, FRAME, limit, given, kept, &engine.mesh.store);
-        engine.set_limit(bounded);
-        (small, engine)
-    }
-
-    /// Counts the samples in all lists.
-    fn listed(engine: &Engine<Memoryless>) -> usize {
-        let bounded = engine.mesh.bounded.as_ref().expect("a limit is set");
-        let mut count = 0;
-        for &head in &bounded.heads {
-            let mut i = head;
-            while i != END {
-                (i, count) = (bounded.samples[i as usize].next, count + 1);
-            }
-        }
-        count
-    }
-
-    #[test]
-    fn a_collapse_beyond_the_limit_is_refused_and_changes_nothing() {
-        for is_two_sided in [true, false] {
-            let (_, mut engine) = bounded(0.1, is_two_sided);
-            let samples = listed(&engine);
-            // (36 vertices, and at least the centres of 50 faces.)
-            assert_eq!(samples >= 86, is_two_sided, "{samples}");
-            let before = engine.mesh.store.t.clone();
-            let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.12), f32::MAX);
-            assert!(matches!(outcome, CollapseOutcome::Refused(Refusal::Cost)));
-            assert_eq!((engine.mesh.store.t == before, listed(&engine)), (true, samples));
-            let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.09), f32::MAX);
-            assert!(matches!(outcome, CollapseOutcome::Done));
-            // No sample is lost, and each knows its new distance.
-            assert_eq!(listed(&engine), samples);
-            let farthest =
-                |bounded: &Bounded| bounded.samples.iter().map(|s| s.distance_sq).fold(0.0, f32::max).sqrt();
-            let farthest = farthest(engine.mesh.bounded.as_ref().expect("a limit is set"));
-            assert!(
-                if is_two_sided { (0.05..0.1).contains(&farthest) } else { farthest == 0.0 },
-                "{farthest}"
-            );
-            assert_eq!(checked(&engine), Ok(()));
-        }
-    }
-
-    #[test]
-    fn a_refused_edge_waits_until_a_star_at_its_ends_changes() {
-        let (_, mut engine) = bounded(0.1, true);
-        let ends = [14, 15].map(VertexId);
-        let was_refused = |engine: &Engine<Memoryless>, cost| {
-            engine.mesh.bounded.as_ref().is_some_and(|bounded| bounded.was_refused(ends, cost))
-        };
-        assert!(!was_refused(&engine, 1.0));
-        engine.mesh.bounded.as_mut().expect("a limit is set").set_tried(ends[0], 2.0);
-        engine.mesh.store.bound[7] = f32::INFINITY;
-        engine.mesh.store.bound[5] = f32::INFINITY;
-        assert!(was_refused(&engine, 1.0) && !was_refused(&engine, 3.0));
-        // Far away, and next to it: the vertices around are tried again.
-        assert!(matches!(try_at(&mut engine, [32, 33], Vec3::X * 0.5, f32::MAX), CollapseOutcome::Done));
-        assert!(was_refused(&engine, 1.0) && engine.mesh.store.bound[7] == f32::INFINITY);
-        assert!(matches!(try_at(&mut engine, [8, 9], Vec3::X * 0.5, f32::MAX), CollapseOutcome::Done));
-        assert!(!was_refused(&engine, 1.0) && engine.mesh.store.bound[7] == UNKNOWN);
-        assert_eq!(engine.mesh.store.bound[5], f32::INFINITY);
-    }
-
-    #[test]
-    fn moves_of_the_fit_are_taken_back_as_far_as_the_limit_requires() {
-        let (_, mut engine) = bounded(0.1, true);
-        let before: Vec<_> = engine.mesh.store.v.iter().map(|x| (x.p, x.kind)).collect();
-        for (u, height) in [(7, 0.05), (16, 0.15), (28, 0.5)] {
-            let x = &mut engine.mesh.store.v[u];
-            (x.p.z, x.kind) = (height, x.kind.moved(true));
-        }
-        engine.mesh.hold_back(&before);
-        let height = |u: usize| (engine.mesh.store.v[u].p.z, engine.mesh.store.v[u].kind.is_moved());
-        assert_eq!([height(7), height(16), height(28)], [(0.05, true), (0.075, true), (0.0, false)]);
-    }
 
     #[test]
     fn samples_of_a_face_are_no_farther_apart_than_asked() {

@@ -1,0 +1,413 @@
+//! Bounded collapses: while a limit is set, a collapse is only done if the input near it stays within a distance of
+//! the result, and the result within that distance of the input.
+//!
+//! ```text
+//! samples of the input belong to faces of the mesh; the samples of the star that changes
+//!     move to the nearest new face, or to one around the star       one beyond the limit: refused
+//! new faces                                                          proven within the limit of the input
+//! faces of the input with a sample far from the result               proven within the limit of the result
+//! ```
+//!
+//! A refused edge is not tried again until a star at one of its ends has changed.
+
+use glam::Vec3;
+use lodsmith_core::measure::proof::local::BoxedFace;
+use lodsmith_core::{FaceId, VertexId};
+
+use super::bound::UNKNOWN;
+use super::bounded::{BoundScratch, Bounded, END, Moved, NearFace, homes, nearest, tree_of};
+use super::components::Component;
+use super::kind::Kind;
+use super::order::NONE;
+use super::parts::all_but_most_expensive;
+use super::ring::{Ring, distinct};
+use super::wings::Wings;
+use super::{Engine, LiveMesh};
+use crate::cost::metric::Metric;
+
+/// A face of the input is tested exactly if one of its samples is farther than this share of the limit. (Measured:
+/// at .6 the proof of the whole fails, and at .3 it takes no less time.)
+const EXACT_SHARE: f32 = 0.5;
+/// Smallest cosine between a face before and after a move of the fit.
+const MIN_TURN_COS: f32 = 0.2;
+
+impl<M: Metric> Engine<M> {
+    /// Sets a limit, after a compaction.
+    pub(crate) fn set_limit(&mut self, bounded: Bounded) {
+        self.mesh.store.names = Some((0..self.mesh.store.t.len() as u32).collect());
+        self.mesh.store.bound.fill(UNKNOWN);
+        self.mesh.constraints.keeps_parts = true;
+        self.mesh.constraints.cuts_necks = false;
+        self.mesh.topology = super::Topology::default();
+        self.mesh.bounded = Some(Box::new(bounded));
+    }
+}
+
+impl<M: Metric> Engine<M> {
+    /// Removes parts of a compact mesh of which all samples are within the limit of the other parts, the cheapest
+    /// first. One part stays.
+    ///
+    /// Cost: O(n log n).
+    pub(crate) fn remove_parts_within(&mut self) {
+        let (part_of, parts) = self.mesh.find_parts();
+        let LiveMesh { store, bounded: Some(bounded), .. } = &mut self.mesh else { return };
+        if parts.len() < 2 || bounded.samples.is_empty() {
+            return;
+        }
+        let Some(names) = &store.names else { return };
+        let tree = tree_of(store);
+        let part_of = |t: &[VertexId; 3]| part_of[t[0].index()] as usize;
+        let mut faces_of = vec![Vec::new(); parts.len()];
+        for (face, t) in store.t.iter().enumerate() {
+            faces_of[part_of(t)].push(face);
+        }
+        let cost: Vec<f32> = parts.iter().map(Component::weighted_cost).collect();
+        let mut is_gone = vec![false; parts.len()];
+        let mut moved = Vec::new();
+        for part in all_but_most_expensive((0..parts.len()).collect(), &cost) {
+            moved.clear();
+            if !cost[part].is_finite() {
+                continue;
+            }
+            let stays = |face: FaceId| {
+                let other = part_of(&store.t[face.index()]);
+                other != part && !is_gone[other]
+            };
+            let mut is_within = true;
+            'faces: for &face in &faces_of[part] {
+                let mut i = bounded.heads[names[face] as usize];
+                while i != END {
+                    let s = &bounded.samples[i as usize];
+                    let p = s.p.as_dvec3().to_array();
+                    let Some(hit) = tree.closest_of_within(p, bounded.unit_limit, stays) else {
+                        is_within = false;
+                        break 'faces;
+                    };
+                    moved.push((i, hit.face, hit.distance_sq as f32));
+                    i = s.next;
+                }
+            }
+            if !is_within {
+                continue;
+            }
+            is_gone[part] = true;
+            self.tally.parts_removed += 1;
+            for &face in &faces_of[part] {
+                bounded.heads[names[face] as usize] = END;
+            }
+            for &(i, face, distance_sq) in &moved {
+                let next = std::mem::replace(&mut bounded.heads[names[face.index()] as usize], i);
+                let s = &mut bounded.samples[i as usize];
+                (s.distance_sq, s.next) = (distance_sq, next);
+            }
+        }
+        if !is_gone.contains(&true) {
+            return;
+        }
+        let gone: Vec<usize> = (0..store.t.len()).filter(|&face| is_gone[part_of(&store.t[face])]).collect();
+        store.live_faces -= gone.len();
+        gone.into_iter().for_each(|face| store.t[face][0] = NONE);
+        let is_used = |t: &&[VertexId; 3]| t[0] != NONE;
+        let mut used = vec![false; store.v.len()];
+        store.t.iter().filter(is_used).flatten().for_each(|v| used[v.index()] = true);
+        store.live_vertices = used.iter().filter(|used| **used).count();
+        store.compact();
+    }
+}
+
+impl<M: Metric> LiveMesh<M> {
+    /// True if the mesh stays within the limit when the ends of an edge are merged at `at`, with the triangles of the
+    /// star in the wings. The buffers then say where the samples go. Otherwise returns the sample that is too far, or
+    /// [`END`].
+    pub(super) fn stays_within(
+        &self,
+        bounded: &Bounded,
+        ends: [VertexId; 2],
+        at: Vec3,
+        wings: &Wings,
+        buffers: &mut BoundScratch,
+    ) -> Result<(), u32> {
+        let names = self.store.names.as_ref().expect("faces of a bounded run have names");
+        let BoundScratch { old, faces, new_count, moved, near, input_faces, corners, test, cover, .. } =
+            buffers;
+        old.clear();
+        faces.clear();
+        moved.clear();
+        near.clear();
+        for w in wings.iter() {
+            let face = w.corner.face();
+            old.push(face as u32);
+            if !w.both {
+                faces.push(NearFace::new(face, [at, self.store.p(w.a), self.store.p(w.b)]));
+            }
+        }
+        *new_count = faces.len();
+        // The sample that refused last is likely to refuse again.
+        for end in ends {
+            let i = bounded.witness[end.index()];
+            if let Some(s) = bounded.samples.get(i as usize) {
+                let limit_sq = bounded.limit_sq.max(s.distance_sq);
+                if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
+                    self.add_around(old, wings, faces, *new_count);
+                    if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
+                        return Err(i);
+                    }
+                }
+            }
+        }
+        let far_sq = EXACT_SHARE * EXACT_SHARE * bounded.limit_sq;
+        let mut new = 0..;
+        for (&face, w) in old.iter().zip(wings.iter()) {
+            // Mostly the face that takes the place of the old one is near enough.
+            let successor = if w.both { None } else { new.next() };
+            let mut i = bounded.heads[names[face as usize] as usize];
+            while i != END {
+                let s = &bounded.samples[i as usize];
+                if let Some(k) = successor {
+                    let best = nearest(s.p, &faces[k..=k], (far_sq, END), k);
+                    if best.1 != END {
+                        moved.push(Moved { sample: i, to: best.1, distance_sq: best.0 });
+                        i = s.next;
+                        continue;
+                    }
+                }
+                let limit_sq = bounded.limit_sq.max(s.distance_sq);
+                let mut best = nearest(s.p, &faces[..*new_count], (f32::INFINITY, 0), 0);
+                if best.0 > limit_sq {
+                    self.add_around(old, wings, faces, *new_count);
+                    best = nearest(s.p, &faces[*new_count..], best, *new_count);
+                    if best.0 > limit_sq {
+                        return Err(i);
+                    }
+                }
+                moved.push(Moved { sample: i, to: best.1, distance_sq: best.0 });
+                i = s.next;
+            }
+        }
+        input_faces.clear();
+        let is_any_exact = !bounded.is_exact.is_empty();
+        for m in moved.iter().filter(|m| is_any_exact || m.distance_sq > far_sq) {
+            let sample = &bounded.samples[m.sample as usize];
+            let is_far = m.distance_sq > far_sq;
+            let near =
+                homes(&bounded.cover, sample).filter(|&face| is_far || bounded.is_exact[face as usize]);
+            input_faces.extend(near.map(|face| (face, m.to)));
+        }
+        if !input_faces.is_empty() {
+            input_faces.sort_unstable();
+            input_faces.dedup_by_key(|near| near.0);
+            self.add_around(old, wings, faces, *new_count);
+        }
+        corners.clear();
+        corners.extend(faces.iter().map(|f| BoxedFace::new(f.corners.map(Vec3::as_dvec3))));
+        for &(face, to) in input_faces.iter() {
+            let mut hint = to;
+            if !test.is_within_few(bounded.cover.corners(face), corners, bounded.unit_limit, &mut hint) {
+                return Err(END);
+            }
+        }
+        for f in &faces[..*new_count] {
+            let [mut seed, mut hint] = bounded.near[names[f.face as usize] as usize];
+            let unit = f.corners.map(|p| p.as_dvec3());
+            if !bounded.cover.is_over(unit, bounded.unit_limit, &mut seed, cover) {
+                let user = unit.map(|p| bounded.frame.user_from_unit(p));
+                if !test.is_within(user, &bounded.input, bounded.limit, &mut hint) {
+                    return Err(END);
+                }
+            }
+            near.push([seed, hint]);
+        }
+        Ok(())
+    }
+
+    /// Adds the faces around the star to the new faces, once.
+    fn add_around(&self, old: &[u32], wings: &Wings, faces: &mut Vec<NearFace>, new_count: usize) {
+        if faces.len() > new_count {
+            return;
+        }
+        let mut around: Vec<u32> = Vec::new();
+        let rim = wings.iter().filter(|w| !w.both).flat_map(|w| [w.a, w.b]);
+        for w in rim {
+            around.extend(self.store.listed(w).iter().map(|c| c.face() as u32));
+        }
+        around.sort_unstable();
+        around.dedup();
+        for face in around.into_iter().filter(|face| !old.contains(face)) {
+            faces.push(NearFace::new(face as usize, self.store.t[face as usize].map(|v| self.store.p(v))));
+        }
+    }
+
+    /// Takes moves of vertices back as far as the limit requires: all of a move, half of it, or none. `before` has the
+    /// positions and kinds before the moves.
+    pub(crate) fn hold_back(&mut self, before: &[(Vec3, Kind)]) {
+        let mut moves = Vec::new();
+        for (i, (x, &(p, kind))) in self.store.v.iter_mut().zip(before).enumerate() {
+            if x.p != p {
+                moves.push((VertexId(i as u32), x.p, x.kind));
+                (x.p, x.kind) = (p, kind);
+            }
+        }
+        let (mut ring, mut wings, mut buffers) = (Ring::default(), Wings::default(), BoundScratch::default());
+        for (u, to, kind) in moves {
+            self.store.ring(u, &mut ring);
+            wings.clear();
+            wings.add_rim(&ring, |_| false);
+            let x = &self.store.v[u.index()];
+            let (from, origin) = (x.p, x.origin);
+            for at in [to, from.lerp(to, 0.5)] {
+                let is_upright = wings.iter().all(|w| {
+                    let [a, b] = [w.a, w.b].map(|w| self.store.p(w));
+                    let [old, new] = [from, at].map(|p| (a - p).cross(b - p));
+                    old.dot(new) > MIN_TURN_COS * old.length() * new.length() || old == Vec3::ZERO
+                });
+                let bounded = self.bounded.as_ref().expect("a limit is set");
+                if is_upright && self.stays_within(bounded, [origin; 2], at, &wings, &mut buffers).is_ok() {
+                    let x = &mut self.store.v[u.index()];
+                    (x.p, x.kind) = (at, kind);
+                    self.move_samples(&buffers);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Moves the samples after a collapse that was tested, and marks what has changed around the merged vertex `u`.
+    pub(super) fn note_bounded(&mut self, u: VertexId, buffers: &BoundScratch) {
+        self.move_samples(buffers);
+        let Self { store, bounded, .. } = self;
+        let Some(bounded) = bounded else { return };
+        bounded.change += 1;
+        let (mut around, mut beyond) = (Ring::default(), Ring::default());
+        store.ring(u, &mut around);
+        for w in distinct(&around).chain([u]) {
+            bounded.changes[store.v[w.index()].origin.index()] = bounded.change;
+            store.ring(w, &mut beyond);
+            for x in beyond.iter().flat_map(|r| [r.a, r.b]).chain([w]) {
+                let bound = &mut store.bound[x.index()];
+                if *bound == f32::INFINITY && x != NONE {
+                    *bound = UNKNOWN;
+                }
+            }
+        }
+    }
+
+    /// Gives samples to the faces that a test found.
+    fn move_samples(&mut self, buffers: &BoundScratch) {
+        let (Some(bounded), Some(names)) = (&mut self.bounded, &self.store.names) else { return };
+        let BoundScratch { old, faces, new_count, moved, near, .. } = buffers;
+        for &face in old {
+            bounded.heads[names[face as usize] as usize] = END;
+        }
+        for m in moved {
+            let head = &mut bounded.heads[names[faces[m.to as usize].face as usize] as usize];
+            let s = &mut bounded.samples[m.sample as usize];
+            (s.distance_sq, s.next) = (m.distance_sq, std::mem::replace(head, m.sample));
+        }
+        for (f, near) in faces[..*new_count].iter().zip(near) {
+            bounded.near[names[f.face as usize] as usize] = *near;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use lodsmith_core::geometry::UnitFrame;
+    use lodsmith_core::measure::Prepared;
+
+    use super::*;
+    use crate::collapse::Engine;
+    use crate::collapse::candidate::CollapseOutcome;
+    use crate::collapse::test_support::{checked, engine_of, try_at, without_lines};
+    use crate::cost::metric::Memoryless;
+    use crate::report::Refusal;
+    use crate::test_support::{SmallMesh, sheet};
+
+    const FRAME: UnitFrame = UnitFrame::with_size([0.0; 3], 1.0);
+
+    /// Returns an engine of a flat sheet of 5 × 5 cells that has to stay within a distance of itself.
+    fn bounded(limit: f64, is_two_sided: bool) -> (SmallMesh, Engine<Memoryless>) {
+        let small = sheet(5);
+        let mut engine = engine_of(Memoryless, &small, &without_lines());
+        let mesh = small.mesh();
+        let input = Arc::new(Prepared::new(&mesh.surface()).expect("there are faces"));
+        let given = (&small.points[..], &small.triangles()[..]);
+        let kept = is_two_sided.then_some(&[][..]);
+        let bounded = Bounded::new(input, FRAME, limit, given, kept, &engine.mesh.store);
+        engine.set_limit(bounded);
+        (small, engine)
+    }
+
+    /// Counts the samples in all lists.
+    fn listed(engine: &Engine<Memoryless>) -> usize {
+        let bounded = engine.mesh.bounded.as_ref().expect("a limit is set");
+        let mut count = 0;
+        for &head in &bounded.heads {
+            let mut i = head;
+            while i != END {
+                (i, count) = (bounded.samples[i as usize].next, count + 1);
+            }
+        }
+        count
+    }
+
+    #[test]
+    fn a_collapse_beyond_the_limit_is_refused_and_changes_nothing() {
+        for is_two_sided in [true, false] {
+            let (_, mut engine) = bounded(0.1, is_two_sided);
+            let samples = listed(&engine);
+            // (36 vertices, and at least the centres of 50 faces.)
+            assert_eq!(samples >= 86, is_two_sided, "{samples}");
+            let before = engine.mesh.store.t.clone();
+            let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.12), f32::MAX);
+            assert!(matches!(outcome, CollapseOutcome::Refused(Refusal::Cost)));
+            assert_eq!((engine.mesh.store.t == before, listed(&engine)), (true, samples));
+            let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.09), f32::MAX);
+            assert!(matches!(outcome, CollapseOutcome::Done));
+            // No sample is lost, and each knows its new distance.
+            assert_eq!(listed(&engine), samples);
+            let farthest =
+                |bounded: &Bounded| bounded.samples.iter().map(|s| s.distance_sq).fold(0.0, f32::max).sqrt();
+            let farthest = farthest(engine.mesh.bounded.as_ref().expect("a limit is set"));
+            assert!(
+                if is_two_sided { (0.05..0.1).contains(&farthest) } else { farthest == 0.0 },
+                "{farthest}"
+            );
+            assert_eq!(checked(&engine), Ok(()));
+        }
+    }
+
+    #[test]
+    fn a_refused_edge_waits_until_a_star_at_its_ends_changes() {
+        let (_, mut engine) = bounded(0.1, true);
+        let ends = [14, 15].map(VertexId);
+        let was_refused = |engine: &Engine<Memoryless>, cost| {
+            engine.mesh.bounded.as_ref().is_some_and(|bounded| bounded.was_refused(ends, cost))
+        };
+        assert!(!was_refused(&engine, 1.0));
+        engine.mesh.bounded.as_mut().expect("a limit is set").set_tried(ends[0], 2.0);
+        engine.mesh.store.bound[7] = f32::INFINITY;
+        engine.mesh.store.bound[5] = f32::INFINITY;
+        assert!(was_refused(&engine, 1.0) && !was_refused(&engine, 3.0));
+        // Far away, and next to it: the vertices around are tried again.
+        assert!(matches!(try_at(&mut engine, [32, 33], Vec3::X * 0.5, f32::MAX), CollapseOutcome::Done));
+        assert!(was_refused(&engine, 1.0) && engine.mesh.store.bound[7] == f32::INFINITY);
+        assert!(matches!(try_at(&mut engine, [8, 9], Vec3::X * 0.5, f32::MAX), CollapseOutcome::Done));
+        assert!(!was_refused(&engine, 1.0) && engine.mesh.store.bound[7] == UNKNOWN);
+        assert_eq!(engine.mesh.store.bound[5], f32::INFINITY);
+    }
+
+    #[test]
+    fn moves_of_the_fit_are_taken_back_as_far_as_the_limit_requires() {
+        let (_, mut engine) = bounded(0.1, true);
+        let before: Vec<_> = engine.mesh.store.v.iter().map(|x| (x.p, x.kind)).collect();
+        for (u, height) in [(7, 0.05), (16, 0.15), (28, 0.5)] {
+            let x = &mut engine.mesh.store.v[u];
+            (x.p.z, x.kind) = (height, x.kind.moved(true));
+        }
+        engine.mesh.hold_back(&before);
+        let height = |u: usize| (engine.mesh.store.v[u].p.z, engine.mesh.store.v[u].kind.is_moved());
+        assert_eq!([height(7), height(16), height(28)], [(0.05, true), (0.075, true), (0.0, false)]);
+    }
+}
