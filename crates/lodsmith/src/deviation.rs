@@ -46,10 +46,12 @@ pub(crate) fn needs_measurement(options: &SimplifyOptions) -> bool {
 pub(crate) struct PreparedResult(Prepared);
 
 impl PreparedResult {
+    /// The result, to compare faces of the input with it.
     pub(crate) fn prepared(&self) -> &Prepared {
         &self.0
     }
 
+    /// Wraps a result that is prepared already.
     pub(crate) fn of(made: Prepared) -> Self {
         Self(made)
     }

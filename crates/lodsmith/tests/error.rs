@@ -5,8 +5,8 @@ use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::{TriMesh, VertexId, shapes};
 use lodsmith::{
-    Bound, Input, Length, MethodKind, NoControl, Report, Simplified, SimplifyOptions, Stop, TopologyPolicy,
-    simplify, simplify_with,
+    Bound, Control, Input, Length, MethodKind, NoControl, Report, Simplified, SimplifyOptions, Stop,
+    TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::{CaseFilter, size};
@@ -186,4 +186,42 @@ fn locked_vertices_stay_within_an_error() {
 
 fn bits(mesh: &TriMesh, v: usize) -> [u64; 3] {
     mesh.positions().view().get(VertexId::new(v)).map(f64::to_bits)
+}
+
+/// Asks a run to finish from the nth time on that it is asked.
+struct FinishAt(usize);
+
+impl Control for FinishAt {
+    fn progress(&mut self, _: f64) -> Verdict {
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 { Verdict::Finish } else { Verdict::Continue }
+    }
+}
+
+/// Two spheres of different faces at the same place: samples of either are near faces of the other, so that proofs of
+/// the whole fail.
+fn two_spheres() -> TriMesh {
+    let (mut positions, mut indices) = shapes::noisy_sphere(4, 0.0, 1).to_indexed();
+    let count = positions.len() as u32;
+    let (others, faces) = shapes::icosphere(1).to_indexed();
+    positions.extend(others);
+    indices.extend(faces.iter().map(|v| v + count));
+    TriMesh::from_indexed(&positions, &indices).unwrap()
+}
+
+/// If the last state is not proven, the one before counts: an assembly of open parts came back unchanged after two
+/// seconds, and with 60 % of its faces after one.
+#[test]
+fn a_run_that_is_ended_later_does_not_return_the_input() {
+    let mesh = two_spheres();
+    let (mut lightest, mut are_all_made) = (mesh.face_count(), false);
+    for n in (61..260).step_by(9).chain([usize::MAX]) {
+        let done = simplify_with(Input::new(&mesh), &within(0.01), &mut FinishAt(n)).unwrap();
+        let (report, faces) = (&done.report, done.report.faces);
+        assert!(report.error.bound.unwrap() <= 0.01 * report.error.diagonal * (1.0 + 1e-9));
+        assert!(faces < mesh.face_count() || lightest == faces, "{n}: {faces} after {lightest}");
+        lightest = lightest.min(faces);
+        are_all_made |= report.reached;
+    }
+    assert!(are_all_made && lightest < mesh.face_count() / 10, "{lightest}");
 }

@@ -1,4 +1,4 @@
-//! What a run knows about a limit: samples of the input, and the faces of the mesh that they are near.
+//! Samples of the input, kept with the faces of the mesh that they are near while a run has a limit.
 
 use std::sync::Arc;
 
@@ -8,10 +8,12 @@ use lodsmith_core::measure::Prepared;
 use lodsmith_core::measure::proof::cover::{Cover, CoverScratch};
 use lodsmith_core::measure::proof::local::{BoxedFace, FaceTest};
 use lodsmith_core::spatial::{Bvh, Hint};
-use lodsmith_core::{PositionsView, Surface, VertexId};
+use lodsmith_core::{FaceId, HalfEdgeId, PositionsView, Surface, VertexId};
 
+use super::ring::Ring;
 use super::store::Store;
 use super::triangle;
+use super::wings::Wings;
 use crate::cost::metric::VertexMemory;
 
 /// End of a list.
@@ -44,6 +46,15 @@ pub(super) struct FaceSample {
     pub(super) home: u32,
 }
 
+/// Faces of the input that were near a face of the mesh, to start with the next time.
+#[derive(Clone, Copy)]
+pub(super) struct NearInput {
+    /// One that lies over it.
+    pub(super) over: Option<FaceId>,
+    /// One in the tree.
+    pub(super) slot: u32,
+}
+
 /// The limit, and what is known about the mesh.
 #[derive(Clone)]
 pub(crate) struct Bounded {
@@ -57,9 +68,9 @@ pub(crate) struct Bounded {
     pub(super) unit_limit: f64,
     pub(super) limit_sq: f32,
     pub(super) samples: Vec<FaceSample>,
-    /// By name of a face of the mesh: its first sample; the face of the input, and of the input's tree, that was near it.
+    /// By name of a face of the mesh: its first sample, and what was near it.
     pub(super) heads: Vec<u32>,
-    pub(super) near: Vec<[u32; 2]>,
+    pub(super) near: Vec<NearInput>,
     /// Number of collapses so far.
     pub(super) change: u32,
     /// By number in the ordered input: the last collapse that changed the star; the collapse and threshold up to which
@@ -94,19 +105,83 @@ impl NearFace {
     }
 }
 
+/// A star after a collapse.
+#[derive(Clone, Default)]
+pub(super) struct StarAfter {
+    /// The faces before the collapse.
+    pub(super) old: Vec<u32>,
+    /// The new faces, then those around them, once they were needed.
+    pub(super) faces: Vec<NearFace>,
+    pub(super) new_count: usize,
+    around: Vec<u32>,
+}
+
+impl StarAfter {
+    /// Sets the star after the ends of an edge are merged at `at`.
+    pub(super) fn set<Q: VertexMemory>(&mut self, store: &Store<Q>, at: Vec3, wings: &Wings) {
+        self.old.clear();
+        self.faces.clear();
+        for w in wings.iter() {
+            let face = w.corner.face();
+            self.old.push(face as u32);
+            if !w.both {
+                self.faces.push(NearFace::new(face, [at, store.p(w.a), store.p(w.b)]));
+            }
+        }
+        self.new_count = self.faces.len();
+    }
+
+    pub(super) fn new_faces(&self) -> &[NearFace] {
+        &self.faces[..self.new_count]
+    }
+
+    /// Adds the faces around the star, once.
+    pub(super) fn add_around<Q: VertexMemory>(&mut self, store: &Store<Q>, wings: &Wings) {
+        if self.faces.len() > self.new_count {
+            return;
+        }
+        self.around.clear();
+        for w in wings.iter().filter(|w| !w.both).flat_map(|w| [w.a, w.b]) {
+            self.around.extend(store.listed(w).iter().map(|c| c.face() as u32));
+        }
+        self.around.sort_unstable();
+        self.around.dedup();
+        for &face in self.around.iter().filter(|face| !self.old.contains(face)) {
+            self.faces.push(NearFace::new(face as usize, store.t[face as usize].map(|v| store.p(v))));
+        }
+    }
+
+    /// Returns the squared distance of a sample and the index of the nearest face: a new one, or one around them if all
+    /// new ones are beyond the limit; `None` if those are too.
+    pub(super) fn nearest<Q: VertexMemory>(
+        &mut self,
+        sample: &FaceSample,
+        limit_sq: f32,
+        store: &Store<Q>,
+        wings: &Wings,
+    ) -> Option<(f32, u32)> {
+        let limit_sq = limit_sq.max(sample.distance_sq);
+        let mut best = nearest(sample.p, self.new_faces(), (f32::INFINITY, 0), 0);
+        if best.0 > limit_sq {
+            self.add_around(store, wings);
+            best = nearest(sample.p, &self.faces[self.new_count..], best, self.new_count);
+        }
+        (best.0 <= limit_sq).then_some(best)
+    }
+}
+
 /// Scratch buffers of a test.
 #[derive(Clone, Default)]
 pub(super) struct BoundScratch {
-    pub(super) old: Vec<u32>,
-    /// The new faces, then those around them.
-    pub(super) faces: Vec<NearFace>,
-    pub(super) new_count: usize,
+    pub(super) star: StarAfter,
     pub(super) moved: Vec<Moved>,
-    pub(super) near: Vec<[u32; 2]>,
-    pub(super) input_faces: Vec<(u32, u32)>,
+    pub(super) near: Vec<NearInput>,
+    /// Faces of the input to test, and the face of the star that is near.
+    pub(super) input_faces: Vec<(FaceId, u32)>,
     pub(super) corners: Vec<BoxedFace>,
     pub(super) test: FaceTest,
     pub(super) cover: CoverScratch,
+    pub(super) rings: [Ring; 2],
     /// The sample that refused the last collapse.
     pub(super) witness: u32,
 }
@@ -168,7 +243,50 @@ pub(super) fn tree_of<Q: VertexMemory>(store: &Store<Q>) -> Bvh {
     Bvh::new(&Surface::new(PositionsView::F32(&positions), &store.t).expect("the faces of a store are sound"))
 }
 
-/// Returns a list of samples, with their numbers.
+/// Returns the faces of the input around a sample.
+pub(super) fn homes<'a>(cover: &'a Cover, sample: &FaceSample) -> impl Iterator<Item = FaceId> + 'a {
+    let home = sample.home as usize;
+    let (vertex, face) = match home.checked_sub(cover.topology().vertex_count()) {
+        None => (Some(VertexId::new(home)), None),
+        Some(face) => (None, Some(FaceId::new(face))),
+    };
+    vertex.into_iter().flat_map(|v| cover.around(v)).chain(face)
+}
+
+/// Samples the vertices of the input and, if faces are listed, also its faces and sharp sides: closer together on the
+/// faces listed, which are sorted, the more so the more often one is.
+fn sample_input(cover: &Cover, unit_limit: f64, dense: Option<&[FaceId]>) -> Vec<FaceSample> {
+    let (vertex_count, face_count) = (cover.topology().vertex_count(), cover.topology().face_count());
+    let mut samples = Vec::with_capacity(vertex_count + face_count);
+    let mut add = |p: Vec3, home: usize| {
+        samples.push(FaceSample { p, distance_sq: 0.0, next: END, home: home as u32 });
+    };
+    for v in (0..vertex_count).map(VertexId::new).filter(|v| cover.around(*v).next().is_some()) {
+        add(cover.point(v), v.index());
+    }
+    let Some(dense) = dense else { return samples };
+    let faces = || (0..face_count).map(FaceId::new);
+    let area: f64 = faces().map(|face| f64::from(cover.normal(face).length()) / 2.0).sum();
+    let most = MIN_GRID_SAMPLES.max(GRID_SAMPLES_PER_FACE * face_count as f64);
+    let spacing = (SPACING * unit_limit).max((area / most).sqrt());
+    for face in faces() {
+        let listed = &dense[dense.partition_point(|f| *f < face)..];
+        let times = listed.iter().take_while(|f| **f == face).count();
+        let spacing = spacing / DENSER.powi(times as i32);
+        sample_face(cover.corners(face), spacing as f32, |p| add(p, vertex_count + face.index()));
+    }
+    let sharp_spacing = (spacing / SHARP_FACTOR) as f32;
+    for side in (0..3 * face_count as u32).map(HalfEdgeId).filter(|h| cover.is_sharp(*h, SHARP_COS)) {
+        let topology = cover.topology();
+        let [from, to] = [topology.origin(side), topology.target(side)].map(|v| cover.point(v));
+        let count = ((from.distance(to) / sharp_spacing).ceil() as usize).min(MAX_GRID);
+        (1..count)
+            .for_each(|j| add(from.lerp(to, j as f32 / count as f32), vertex_count + side.face().index()));
+    }
+    samples
+}
+
+/// Lists the samples from a head, with their numbers.
 fn listed(samples: &[FaceSample], head: u32) -> impl Iterator<Item = (u32, &FaceSample)> {
     let mut next = head;
     std::iter::from_fn(move || {
@@ -177,16 +295,6 @@ fn listed(samples: &[FaceSample], head: u32) -> impl Iterator<Item = (u32, &Face
         next = s.next;
         Some((i, s))
     })
-}
-
-/// Returns the faces of the input around a sample.
-pub(super) fn homes<'a>(cover: &'a Cover, sample: &FaceSample) -> impl Iterator<Item = u32> + 'a {
-    let home = sample.home as usize;
-    let (of_vertex, own) = match home.checked_sub(cover.vertex_count()) {
-        None => (cover.around(home), None),
-        Some(face) => (&[][..], Some(face as u32)),
-    };
-    of_vertex.iter().copied().chain(own)
 }
 
 impl Bounded {
@@ -201,44 +309,21 @@ impl Bounded {
         frame: UnitFrame,
         limit: f64,
         (points, faces): (&[Vec3], &[[VertexId; 3]]),
-        dense: Option<&[u32]>,
+        dense: Option<&[FaceId]>,
         store: &Store<Q>,
     ) -> Self {
         let unit_limit = (frame.unit_length(limit) - ROUNDING).max(0.0);
         let limit = frame.user_length(unit_limit);
-        let cover = Cover::new(points, faces);
-        let mut is_exact =
-            vec![false; if dense.is_some_and(|all| !all.is_empty()) { faces.len() } else { 0 }];
-        dense.into_iter().flatten().for_each(|&face| is_exact[face as usize] = true);
-        let mut samples = Vec::with_capacity(points.len() + faces.len());
-        let mut add = |p: Vec3, home: usize| {
-            samples.push(FaceSample { p, distance_sq: 0.0, next: END, home: home as u32 });
-        };
-        for (i, p) in points.iter().enumerate() {
-            if !cover.around(i).is_empty() {
-                add(*p, i);
-            }
+        let positions: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
+        let surface =
+            Surface::new(PositionsView::F32(&positions), faces).expect("the faces of the input are sound");
+        let cover = Cover::new(&surface);
+        let mut is_exact = Vec::new();
+        if let Some(dense @ [_, ..]) = dense {
+            is_exact = vec![false; faces.len()];
+            dense.iter().for_each(|face| is_exact[face.index()] = true);
         }
-        let area = |[a, b, c]: [Vec3; 3]| f64::from((b - a).cross(c - a).length()) / 2.0;
-        let total: f64 = faces.iter().map(|t| area(t.map(|v| points[v.index()]))).sum();
-        let spacing = (SPACING * unit_limit)
-            .max((total / MIN_GRID_SAMPLES.max(GRID_SAMPLES_PER_FACE * faces.len() as f64)).sqrt());
-        for (i, t) in faces.iter().enumerate().filter(|_| dense.is_some()) {
-            let corners = t.map(|v| points[v.index()]);
-            let times = dense.map_or(0, |all| {
-                all[all.partition_point(|f| *f < i as u32)..].iter().take_while(|f| **f == i as u32).count()
-            });
-            let spacing = spacing / DENSER.powi(times as i32);
-            sample_face(corners, spacing as f32, |p| add(p, points.len() + i));
-        }
-        let sharp_spacing = (spacing / SHARP_FACTOR) as f32;
-        for (i, t) in faces.iter().enumerate() {
-            for k in (0..3).filter(|&k| cover.is_sharp(i as u32, k, SHARP_COS)) {
-                let [from, to] = [t[k], t[(k + 1) % 3]].map(|v| points[v.index()]);
-                let count = ((from.distance(to) / sharp_spacing).ceil() as usize).min(MAX_GRID);
-                (1..count).for_each(|j| add(from.lerp(to, j as f32 / count as f32), points.len() + i));
-            }
-        }
+        let mut samples = sample_input(&cover, unit_limit, dense);
         let tree = tree_of(store);
         let mut heads = vec![END; store.t.len()];
         let mut hint = Hint::default();
@@ -248,14 +333,14 @@ impl Bounded {
             s.next = std::mem::replace(&mut heads[hit.face.index()], i as u32);
         }
         // Of the faces of the input near a face, the one that is turned like it.
-        let input_face = |(&head, t): (&u32, &[VertexId; 3])| {
+        let over = |(&head, t): (&u32, &[VertexId; 3])| {
             let [a, b, c] = t.map(|v| store.p(v));
             let normal = (b - a).cross(c - a);
             let near = listed(&samples, head).flat_map(|(_, s)| homes(&cover, s));
-            let turned = |&face: &u32| cover.normal(face).normalize_or_zero().dot(normal);
-            near.max_by(|x, y| turned(x).total_cmp(&turned(y))).unwrap_or(END)
+            let turned = |&face: &FaceId| cover.normal(face).normalize_or_zero().dot(normal);
+            near.max_by(|x, y| turned(x).total_cmp(&turned(y)))
         };
-        let near = heads.iter().zip(&store.t).map(|x| [input_face(x), u32::MAX]).collect();
+        let near = heads.iter().zip(&store.t).map(|x| NearInput { over: over(x), slot: u32::MAX }).collect();
         if dense.is_none() {
             samples.clear();
             heads.fill(END);
@@ -276,6 +361,11 @@ impl Bounded {
             tried: vec![(0, 0.0); store.merged_into.len()],
             witness: vec![END; store.merged_into.len()],
         }
+    }
+
+    /// Lists the samples of a face of the mesh, by its name, with their numbers.
+    pub(super) fn listed(&self, name: u32) -> impl Iterator<Item = (u32, &FaceSample)> {
+        listed(&self.samples, self.heads[name as usize])
     }
 
     /// True if the edge between two vertices, by number in the ordered input, was refused at a cost up to this one and
@@ -301,16 +391,17 @@ impl Bounded {
 
     /// Returns the faces of the input that are not proven to be within a distance of a result, in user units, and those
     /// around them.
-    pub(crate) fn faces_beyond(&self, made: &Prepared, limit: f64) -> Vec<u32> {
+    pub(crate) fn faces_beyond(&self, made: &Prepared, limit: f64) -> Vec<FaceId> {
         let mut test = FaceTest::default();
         let mut near = u32::MAX;
-        let mut is_beyond = |face: &u32| {
-            let user = self.cover.corners(*face).map(|p| self.frame.user_from_unit(p));
+        let mut is_beyond = |face: &FaceId| {
+            let user = self.cover.corners(*face).map(|p| self.frame.user_from_unit(p.as_dvec3()));
             !test.is_within(user, made, limit, &mut near)
         };
-        let beyond: Vec<u32> = (0..self.cover.face_count() as u32).filter(|face| is_beyond(face)).collect();
-        let corners = beyond.iter().flat_map(|&face| self.cover.face(face));
-        let mut around: Vec<u32> = corners.flat_map(|v| self.cover.around(v.index())).copied().collect();
+        let topology = self.cover.topology();
+        let beyond = (0..topology.face_count()).map(FaceId::new).filter(|face| is_beyond(face));
+        let corners = beyond.flat_map(|face| topology.triangle(face));
+        let mut around: Vec<FaceId> = corners.flat_map(|v| self.cover.around(v)).collect();
         around.sort_unstable();
         around.dedup();
         around

@@ -365,7 +365,7 @@ impl<M: Metric> LiveMesh<M> {
             }
         };
         if self.bounded.is_some() {
-            self.note_bounded(u, &scratch.bounded);
+            self.note_bounded(u, &mut scratch.bounded);
         }
         merged
     }

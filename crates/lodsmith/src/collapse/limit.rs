@@ -15,7 +15,7 @@ use lodsmith_core::measure::proof::local::BoxedFace;
 use lodsmith_core::{FaceId, VertexId};
 
 use super::bound::UNKNOWN;
-use super::bounded::{BoundScratch, Bounded, END, Moved, NearFace, homes, nearest, tree_of};
+use super::bounded::{BoundScratch, Bounded, END, Moved, NearInput, homes, nearest, tree_of};
 use super::components::Component;
 use super::kind::Kind;
 use super::order::NONE;
@@ -41,9 +41,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.topology = super::Topology::default();
         self.mesh.bounded = Some(Box::new(bounded));
     }
-}
 
-impl<M: Metric> Engine<M> {
     /// Removes parts of a compact mesh of which all samples are within the limit of the other parts, the cheapest
     /// first. One part stays.
     ///
@@ -73,20 +71,12 @@ impl<M: Metric> Engine<M> {
                 let other = part_of(&store.t[face.index()]);
                 other != part && !is_gone[other]
             };
-            let mut is_within = true;
-            'faces: for &face in &faces_of[part] {
-                let mut i = bounded.heads[names[face] as usize];
-                while i != END {
-                    let s = &bounded.samples[i as usize];
-                    let p = s.p.as_dvec3().to_array();
-                    let Some(hit) = tree.closest_of_within(p, bounded.unit_limit, stays) else {
-                        is_within = false;
-                        break 'faces;
-                    };
-                    moved.push((i, hit.face, hit.distance_sq as f32));
-                    i = s.next;
-                }
-            }
+            let samples = |&face: &usize| bounded.listed(names[face]);
+            let is_within = faces_of[part].iter().flat_map(samples).all(|(i, s)| {
+                let hit = tree.closest_of_within(s.p.as_dvec3().to_array(), bounded.unit_limit, stays);
+                moved.extend(hit.map(|hit| (i, hit.face, hit.distance_sq as f32)));
+                hit.is_some()
+            });
             if !is_within {
                 continue;
             }
@@ -128,60 +118,31 @@ impl<M: Metric> LiveMesh<M> {
         buffers: &mut BoundScratch,
     ) -> Result<(), u32> {
         let names = self.store.names.as_ref().expect("faces of a bounded run have names");
-        let BoundScratch { old, faces, new_count, moved, near, input_faces, corners, test, cover, .. } =
-            buffers;
-        old.clear();
-        faces.clear();
+        let store = &self.store;
+        let BoundScratch { star, moved, near, input_faces, corners, test, cover, .. } = buffers;
+        star.set(store, at, wings);
         moved.clear();
         near.clear();
-        for w in wings.iter() {
-            let face = w.corner.face();
-            old.push(face as u32);
-            if !w.both {
-                faces.push(NearFace::new(face, [at, self.store.p(w.a), self.store.p(w.b)]));
-            }
-        }
-        *new_count = faces.len();
         // The sample that refused last is likely to refuse again.
-        for end in ends {
-            let i = bounded.witness[end.index()];
-            if let Some(s) = bounded.samples.get(i as usize) {
-                let limit_sq = bounded.limit_sq.max(s.distance_sq);
-                if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
-                    self.add_around(old, wings, faces, *new_count);
-                    if nearest(s.p, faces, (f32::INFINITY, 0), 0).0 > limit_sq {
-                        return Err(i);
-                    }
-                }
+        for i in ends.map(|end| bounded.witness[end.index()]) {
+            if let Some(s) = bounded.samples.get(i as usize)
+                && star.nearest(s, bounded.limit_sq, store, wings).is_none()
+            {
+                return Err(i);
             }
         }
         let far_sq = EXACT_SHARE * EXACT_SHARE * bounded.limit_sq;
         let mut new = 0..;
-        for (&face, w) in old.iter().zip(wings.iter()) {
+        for (k, w) in wings.iter().enumerate() {
             // Mostly the face that takes the place of the old one is near enough.
             let successor = if w.both { None } else { new.next() };
-            let mut i = bounded.heads[names[face as usize] as usize];
-            while i != END {
-                let s = &bounded.samples[i as usize];
-                if let Some(k) = successor {
-                    let best = nearest(s.p, &faces[k..=k], (far_sq, END), k);
-                    if best.1 != END {
-                        moved.push(Moved { sample: i, to: best.1, distance_sq: best.0 });
-                        i = s.next;
-                        continue;
-                    }
-                }
-                let limit_sq = bounded.limit_sq.max(s.distance_sq);
-                let mut best = nearest(s.p, &faces[..*new_count], (f32::INFINITY, 0), 0);
-                if best.0 > limit_sq {
-                    self.add_around(old, wings, faces, *new_count);
-                    best = nearest(s.p, &faces[*new_count..], best, *new_count);
-                    if best.0 > limit_sq {
-                        return Err(i);
-                    }
-                }
-                moved.push(Moved { sample: i, to: best.1, distance_sq: best.0 });
-                i = s.next;
+            for (i, s) in bounded.listed(names[star.old[k] as usize]) {
+                let quick = successor.map(|k| nearest(s.p, &star.faces[k..=k], (far_sq, END), k));
+                let (distance_sq, to) = match quick {
+                    Some(found) if found.1 != END => found,
+                    _ => star.nearest(s, bounded.limit_sq, store, wings).ok_or(i)?,
+                };
+                moved.push(Moved { sample: i, to, distance_sq });
             }
         }
         input_faces.clear();
@@ -189,52 +150,35 @@ impl<M: Metric> LiveMesh<M> {
         for m in moved.iter().filter(|m| is_any_exact || m.distance_sq > far_sq) {
             let sample = &bounded.samples[m.sample as usize];
             let is_far = m.distance_sq > far_sq;
-            let near =
-                homes(&bounded.cover, sample).filter(|&face| is_far || bounded.is_exact[face as usize]);
-            input_faces.extend(near.map(|face| (face, m.to)));
+            let tested =
+                homes(&bounded.cover, sample).filter(|face| is_far || bounded.is_exact[face.index()]);
+            input_faces.extend(tested.map(|face| (face, m.to)));
         }
         if !input_faces.is_empty() {
             input_faces.sort_unstable();
-            input_faces.dedup_by_key(|near| near.0);
-            self.add_around(old, wings, faces, *new_count);
+            input_faces.dedup_by_key(|tested| tested.0);
+            star.add_around(store, wings);
         }
         corners.clear();
-        corners.extend(faces.iter().map(|f| BoxedFace::new(f.corners.map(Vec3::as_dvec3))));
-        for &(face, to) in input_faces.iter() {
-            let mut hint = to;
-            if !test.is_within_few(bounded.cover.corners(face), corners, bounded.unit_limit, &mut hint) {
+        corners.extend(star.faces.iter().map(|f| BoxedFace::new(f.corners.map(Vec3::as_dvec3))));
+        for &(face, mut hint) in input_faces.iter() {
+            let face = bounded.cover.corners(face).map(Vec3::as_dvec3);
+            if !test.is_within_few(face, corners, bounded.unit_limit, &mut hint) {
                 return Err(END);
             }
         }
-        for f in &faces[..*new_count] {
-            let [mut seed, mut hint] = bounded.near[names[f.face as usize] as usize];
-            let unit = f.corners.map(|p| p.as_dvec3());
-            if !bounded.cover.is_over(unit, bounded.unit_limit, &mut seed, cover) {
+        for f in star.new_faces() {
+            let NearInput { mut over, mut slot } = bounded.near[names[f.face as usize] as usize];
+            let unit = f.corners.map(Vec3::as_dvec3);
+            if !bounded.cover.is_over(unit, bounded.unit_limit, &mut over, cover) {
                 let user = unit.map(|p| bounded.frame.user_from_unit(p));
-                if !test.is_within(user, &bounded.input, bounded.limit, &mut hint) {
+                if !test.is_within(user, &bounded.input, bounded.limit, &mut slot) {
                     return Err(END);
                 }
             }
-            near.push([seed, hint]);
+            near.push(NearInput { over, slot });
         }
         Ok(())
-    }
-
-    /// Adds the faces around the star to the new faces, once.
-    fn add_around(&self, old: &[u32], wings: &Wings, faces: &mut Vec<NearFace>, new_count: usize) {
-        if faces.len() > new_count {
-            return;
-        }
-        let mut around: Vec<u32> = Vec::new();
-        let rim = wings.iter().filter(|w| !w.both).flat_map(|w| [w.a, w.b]);
-        for w in rim {
-            around.extend(self.store.listed(w).iter().map(|c| c.face() as u32));
-        }
-        around.sort_unstable();
-        around.dedup();
-        for face in around.into_iter().filter(|face| !old.contains(face)) {
-            faces.push(NearFace::new(face as usize, self.store.t[face as usize].map(|v| self.store.p(v))));
-        }
     }
 
     /// Takes moves of vertices back as far as the limit requires: all of a move, half of it, or none. `before` has the
@@ -272,16 +216,16 @@ impl<M: Metric> LiveMesh<M> {
     }
 
     /// Moves the samples after a collapse that was tested, and marks what has changed around the merged vertex `u`.
-    pub(super) fn note_bounded(&mut self, u: VertexId, buffers: &BoundScratch) {
+    pub(super) fn note_bounded(&mut self, u: VertexId, buffers: &mut BoundScratch) {
         self.move_samples(buffers);
         let Self { store, bounded, .. } = self;
         let Some(bounded) = bounded else { return };
         bounded.change += 1;
-        let (mut around, mut beyond) = (Ring::default(), Ring::default());
-        store.ring(u, &mut around);
-        for w in distinct(&around).chain([u]) {
+        let [around, beyond] = &mut buffers.rings;
+        store.ring(u, around);
+        for w in distinct(around).chain([u]) {
             bounded.changes[store.v[w.index()].origin.index()] = bounded.change;
-            store.ring(w, &mut beyond);
+            store.ring(w, beyond);
             for x in beyond.iter().flat_map(|r| [r.a, r.b]).chain([w]) {
                 let bound = &mut store.bound[x.index()];
                 if *bound == f32::INFINITY && x != NONE {
@@ -294,16 +238,16 @@ impl<M: Metric> LiveMesh<M> {
     /// Gives samples to the faces that a test found.
     fn move_samples(&mut self, buffers: &BoundScratch) {
         let (Some(bounded), Some(names)) = (&mut self.bounded, &self.store.names) else { return };
-        let BoundScratch { old, faces, new_count, moved, near, .. } = buffers;
-        for &face in old {
+        let BoundScratch { star, moved, near, .. } = buffers;
+        for &face in &star.old {
             bounded.heads[names[face as usize] as usize] = END;
         }
         for m in moved {
-            let head = &mut bounded.heads[names[faces[m.to as usize].face as usize] as usize];
+            let head = &mut bounded.heads[names[star.faces[m.to as usize].face as usize] as usize];
             let s = &mut bounded.samples[m.sample as usize];
             (s.distance_sq, s.next) = (m.distance_sq, std::mem::replace(head, m.sample));
         }
-        for (f, near) in faces[..*new_count].iter().zip(near) {
+        for (f, near) in star.new_faces().iter().zip(near) {
             bounded.near[names[f.face as usize] as usize] = *near;
         }
     }
@@ -342,14 +286,7 @@ mod tests {
     /// Counts the samples in all lists.
     fn listed(engine: &Engine<Memoryless>) -> usize {
         let bounded = engine.mesh.bounded.as_ref().expect("a limit is set");
-        let mut count = 0;
-        for &head in &bounded.heads {
-            let mut i = head;
-            while i != END {
-                (i, count) = (bounded.samples[i as usize].next, count + 1);
-            }
-        }
-        count
+        (0..bounded.heads.len() as u32).map(|name| bounded.listed(name).count()).sum()
     }
 
     #[test]

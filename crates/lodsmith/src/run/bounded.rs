@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use lodsmith_core::measure::Prepared;
-use lodsmith_core::{PositionsView, Surface};
+use lodsmith_core::{FaceId, PositionsView, Surface};
 
 use super::context::{Finished, Run, RunOutcome, TopologyChanges};
 use super::trunk::Trunk;
@@ -42,35 +42,38 @@ impl Run<'_, '_> {
         comparer: &InputComparer,
         control: &mut dyn Control,
     ) -> Result<Option<Finished>, SimplifyError> {
-        let (mut trunk, is_over) = self.start_within(metric, limit, comparer, control)?;
-        if is_over {
-            let mut outcome =
-                self.finish(&mut trunk.engine, &trunk.root, StopReason::Finish, false, control)?;
-            outcome.end = StopReason::Finish;
-            return Ok(proven(outcome, limit, comparer));
-        }
+        let (mut trunk, mut is_over) = self.start_within(metric, limit, comparer, control)?;
         let mut dense = Vec::new();
         for share in LIMIT_SHARES {
+            if is_over {
+                break;
+            }
             let mut branch =
                 Trunk { engine: trunk.engine.branch(), root: Rc::clone(&trunk.root), sweeps: None };
             control.stage(Stage::Collapse);
             let end = self.sweep_bounded(&mut branch, (share * limit, &dense), comparer, control)?;
             let outcome = self.finish(&mut branch.engine, &branch.root, end, false, control)?;
             control.stage(Stage::Measure);
-            let Some(made) = PreparedResult::new(&outcome.mesh) else { break };
-            if let Some(bound) = comparer.proven_within(&made, limit) {
-                return Ok(Some((outcome, comparer.measure_prepared(&made, Some(bound)), true)));
+            let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
+            let found = proven(outcome, &made, limit, comparer);
+            if found.is_some() {
+                return Ok(found);
             }
-            if end == StopReason::Finish {
-                return Ok(None);
-            }
-            if let Some(bounded) = &branch.engine.mesh.bounded {
+            is_over = end == StopReason::Finish;
+            if let (Some(bounded), false) = (&branch.engine.mesh.bounded, is_over) {
                 // (A face that fails again is listed once more.)
                 dense.extend(bounded.faces_beyond(made.prepared(), share * limit));
                 dense.sort_unstable();
             }
         }
-        Ok(None)
+        if !is_over {
+            return Ok(None);
+        }
+        // The caller ends the run: the start is the last state that is known to be within the limit.
+        let mut outcome = self.finish(&mut trunk.engine, &trunk.root, StopReason::Finish, false, control)?;
+        outcome.end = StopReason::Finish;
+        control.stage(Stage::Measure);
+        Ok(PreparedResult::new(&outcome.mesh).and_then(|made| proven(outcome, &made, limit, comparer)))
     }
 
     /// Sweeps without a limit as far as samples stay well within it. Also returns true if the caller ends the run.
@@ -137,7 +140,7 @@ impl Run<'_, '_> {
     fn sweep_bounded<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
-        (limit, dense): (f64, &[u32]),
+        (limit, dense): (f64, &[FaceId]),
         comparer: &InputComparer,
         control: &mut dyn Control,
     ) -> Result<StopReason, SimplifyError> {
@@ -170,9 +173,13 @@ impl Run<'_, '_> {
 }
 
 /// Returns a finished run if its result is proven to be within the limit.
-fn proven(outcome: RunOutcome, limit: f64, comparer: &InputComparer) -> Option<Finished> {
-    let made = PreparedResult::new(&outcome.mesh)?;
-    let bound = comparer.proven_within(&made, limit)?;
-    let deviation = comparer.measure_prepared(&made, Some(bound));
+fn proven(
+    outcome: RunOutcome,
+    made: &PreparedResult,
+    limit: f64,
+    comparer: &InputComparer,
+) -> Option<Finished> {
+    let bound = comparer.proven_within(made, limit)?;
+    let deviation = comparer.measure_prepared(made, Some(bound));
     Some((outcome, deviation, true))
 }

@@ -11,10 +11,8 @@
 
 use glam::{DVec3, DVec4, Vec3};
 
-use crate::VertexId;
+use crate::{FaceId, HalfEdgeId, Surface, Topology, VertexId};
 
-/// No face.
-const NONE: u32 = u32::MAX;
 /// Largest number of steps from the seed to the middle. (Guessed: mostly there are none to ten.)
 const MAX_WALK: usize = 64;
 /// Largest number of faces over one face.
@@ -32,16 +30,11 @@ const ROUNDING: f64 = 1e-12;
 /// grids.)
 const MIDDLE: [f64; 2] = [0.3487, 0.3209];
 
-/// A surface whose faces know their neighbours.
+/// A surface whose faces know their neighbours, in single precision.
 #[derive(Clone, Debug)]
 pub struct Cover {
     points: Vec<Vec3>,
-    faces: Vec<[VertexId; 3]>,
-    /// The face on the other side of each side; none if there is not exactly one.
-    across: Vec<[u32; 3]>,
-    /// First face of each vertex in `of_vertices`.
-    first: Vec<u32>,
-    of_vertices: Vec<u32>,
+    topology: Topology,
 }
 
 /// Scratch buffers of a test.
@@ -50,13 +43,13 @@ pub struct CoverScratch {
     run: u32,
     /// By face: the last run that found it.
     seen: Vec<u32>,
-    found: Vec<u32>,
+    found: Vec<FaceId>,
 }
 
 /// A view along the normal of a face: three barycentric coordinates, and the height.
 struct View {
     origin: DVec3,
-    /// What a step along each axis adds.
+    /// Change of the coordinates and the height along the x, y and z axes, per unit of length.
     axes: [DVec4; 3],
     /// Length of the longest side.
     longest: f64,
@@ -134,94 +127,68 @@ fn is_low(corners: &[DVec4; 3], border: f64, limit: f64) -> bool {
 }
 
 impl Cover {
-    /// Finds the neighbours of faces; vertices at one position have to be one vertex, or there is a border between
-    /// them.
+    /// Finds the neighbours of the faces of a surface. Vertices at one position have to be one vertex, or there is a
+    /// border between them; a face that uses a vertex twice has no neighbours.
     ///
-    /// Cost: O(n) for vertices of bounded valence.
-    pub fn new(points: &[Vec3], faces: &[[VertexId; 3]]) -> Self {
-        let mut first = vec![0u32; points.len() + 1];
-        faces.as_flattened().iter().for_each(|v| first[v.index() + 1] += 1);
-        for i in 1..first.len() {
-            first[i] += first[i - 1];
-        }
-        let mut next = first.clone();
-        let mut of_vertices = vec![0u32; 3 * faces.len()];
-        for (i, v) in faces.iter().enumerate().flat_map(|(i, t)| t.iter().map(move |v| (i, v))) {
-            of_vertices[next[v.index()] as usize] = i as u32;
-            next[v.index()] += 1;
-        }
-        let around = |v: VertexId| &of_vertices[first[v.index()] as usize..first[v.index() + 1] as usize];
-        let across = faces.iter().enumerate().map(|(i, t)| {
-            [0, 1, 2].map(|k| {
-                let (a, b) = (t[k], t[(k + 1) % 3]);
-                // (The list of the vertex with fewer faces.)
-                let (a, b) = if around(a).len() <= around(b).len() { (a, b) } else { (b, a) };
-                let mut others =
-                    around(a).iter().filter(|f| **f != i as u32 && faces[**f as usize].contains(&b));
-                match (others.next(), others.next()) {
-                    (Some(&other), None) => other,
-                    _ => NONE,
-                }
-            })
-        });
-        let across = across.collect();
-        Self { points: points.to_vec(), faces: faces.to_vec(), across, first, of_vertices }
+    /// Cost and panics are those of [`Topology::unwelded`].
+    pub fn new(surface: &Surface<'_>) -> Self {
+        let positions = surface.positions();
+        let points = (0..positions.len()).map(|v| DVec3::from(positions.get(VertexId::new(v))).as_vec3());
+        Self { points: points.collect(), topology: Topology::unwelded(surface) }
     }
 
-    /// The number of vertices.
-    pub fn vertex_count(&self) -> usize {
-        self.points.len()
+    /// The faces and their neighbours.
+    pub fn topology(&self) -> &Topology {
+        &self.topology
     }
 
-    /// The number of faces.
-    pub fn face_count(&self) -> usize {
-        self.faces.len()
-    }
-
-    /// The vertices of a face.
-    pub fn face(&self, face: u32) -> [VertexId; 3] {
-        self.faces[face as usize]
+    /// The position of a vertex.
+    #[inline]
+    pub fn point(&self, vertex: VertexId) -> Vec3 {
+        self.points[vertex.index()]
     }
 
     /// The corners of a face.
-    pub fn corners(&self, face: u32) -> [DVec3; 3] {
-        self.face(face).map(|v| self.points[v.index()].as_dvec3())
+    #[inline]
+    pub fn corners(&self, face: FaceId) -> [Vec3; 3] {
+        let [a, b, c] = self.topology.triangle(face);
+        [a, b, c].map(|v| self.point(v))
     }
 
-    /// The faces around a vertex.
-    pub fn around(&self, vertex: usize) -> &[u32] {
-        &self.of_vertices[self.first[vertex] as usize..self.first[vertex + 1] as usize]
+    /// The faces around a vertex, without those that use it twice.
+    pub fn around(&self, vertex: VertexId) -> impl Iterator<Item = FaceId> + '_ {
+        self.topology.vertex(vertex).corners().iter().map(|h| h.face())
     }
 
-    /// True for a side of a face that is not shared by exactly two faces, or at which the surface turns by more than an
-    /// angle; the second of two faces does not count.
-    pub fn is_sharp(&self, face: u32, side: usize, cos: f32) -> bool {
-        match self.across[face as usize][side] {
-            NONE => true,
-            other if other < face => false,
-            other => {
-                let [p, q] = [face, other].map(|face| self.normal(face).normalize_or_zero());
+    /// True for a side of a face that is not shared by exactly two faces, or at which their normals differ by more
+    /// than the angle with this cosine. Of the two faces of a side, only the first answers.
+    pub fn is_sharp(&self, side: HalfEdgeId, cos: f32) -> bool {
+        match self.topology.twin(side) {
+            None => true,
+            Some(twin) if twin < side => false,
+            Some(twin) => {
+                let [p, q] = [side, twin].map(|h| self.normal(h.face()).normalize_or_zero());
                 p.dot(q) < cos
             }
         }
     }
 
     /// The normal of a face, as long as twice its area.
-    pub fn normal(&self, face: u32) -> Vec3 {
-        let [a, b, c] = self.faces[face as usize].map(|v| self.points[v.index()]);
+    pub fn normal(&self, face: FaceId) -> Vec3 {
+        let [a, b, c] = self.corners(face);
         (b - a).cross(c - a)
     }
 
-    /// True if it is proven that each point of a face has a point of the surface straight above or below it, within a
-    /// distance, all in the unit frame of the points. False says nothing.
+    /// True if each point of a face is proven to be within a distance of the surface; both in the units of the points,
+    /// for surfaces of about unit size. False means that this test cannot tell.
     ///
-    /// `seed` is a face of the surface that is likely to be near; it becomes the one over the middle. Cost: O(n) for
-    /// n faces over the face, and for the way from the seed.
+    /// `seed` is a face of the surface that is likely to be near, `None` if none is known; if the answer is true, it
+    /// becomes the one over the middle of the face. Cost: O(n) for n faces over the face, and for the way from the seed.
     pub fn is_over(
         &self,
         face: [DVec3; 3],
         distance: f64,
-        seed: &mut u32,
+        seed: &mut Option<FaceId>,
         scratch: &mut CoverScratch,
     ) -> bool {
         let Some(view) = View::new(face) else { return false };
@@ -230,17 +197,17 @@ impl Cover {
         let border = (left_out / (2.0 * view.longest)).min(MAX_BORDER);
         // Sideways and upright.
         let limit = (distance * distance - left_out * left_out).sqrt();
-        let Some(start) = self.walk(&view, *seed) else { return false };
+        let Some(start) = seed.and_then(|seed| self.walk(&view, seed)) else { return false };
         let CoverScratch { run, seen, found } = scratch;
-        if seen.len() != self.faces.len() || *run == u32::MAX {
+        if seen.len() != self.topology.face_count() || *run == u32::MAX {
             *run = 0;
             seen.clear();
-            seen.resize(self.faces.len(), 0);
+            seen.resize(self.topology.face_count(), 0);
         }
         *run += 1;
         found.clear();
         found.push(start);
-        seen[start as usize] = *run;
+        seen[start.index()] = *run;
         let mut is_odd = false;
         let mut i = 0;
         while let Some(&face) = found.get(i) {
@@ -259,37 +226,40 @@ impl Cover {
                 u8::from(p.x < border) | (u8::from(p.y < border) << 1) | (u8::from(p.z < border) << 2)
             };
             let [a, b, c] = [outside(corners[0]), outside(corners[1]), outside(corners[2])];
-            for (is_outside, &other) in [a & b, b & c, c & a].iter().zip(&self.across[face as usize]) {
-                if *is_outside != 0 {
+            for (k, is_outside) in [a & b, b & c, c & a].into_iter().enumerate() {
+                if is_outside != 0 {
                     continue;
                 }
-                if other == NONE || found.len() == MAX_COVER {
+                let Some(other) = self.across(face, k) else { return false };
+                if found.len() == MAX_COVER {
                     return false;
                 }
-                if seen[other as usize] != *run {
-                    seen[other as usize] = *run;
+                if seen[other.index()] != *run {
+                    seen[other.index()] = *run;
                     found.push(other);
                 }
             }
         }
         if is_odd {
-            *seed = start;
+            *seed = Some(start);
         }
         is_odd
     }
 
     #[inline(always)]
-    fn seen(&self, view: &View, face: u32) -> [DVec4; 3] {
-        let [a, b, c] = self.faces[face as usize];
-        [a, b, c].map(|v| view.see(self.points[v.index()]))
+    fn seen(&self, view: &View, face: FaceId) -> [DVec4; 3] {
+        self.corners(face).map(|p| view.see(p))
+    }
+
+    /// Returns the face on the other side of a side, if there is exactly one.
+    #[inline]
+    fn across(&self, face: FaceId, side: usize) -> Option<FaceId> {
+        Some(self.topology.twin(HalfEdgeId::of(face, side as u32))?.face())
     }
 
     /// Walks from face to face until one is seen over the middle.
-    fn walk(&self, view: &View, mut face: u32) -> Option<u32> {
+    fn walk(&self, view: &View, mut face: FaceId) -> Option<FaceId> {
         for _ in 0..MAX_WALK {
-            if face == NONE {
-                return None;
-            }
             let areas = areas(&self.seen(view, face));
             let all: f64 = areas.iter().sum();
             let outside = areas.map(|a| if all < 0.0 { a } else { -a });
@@ -297,7 +267,7 @@ impl Cover {
             if *farthest.1 <= 0.0 {
                 return Some(face);
             }
-            face = self.across[face as usize][farthest.0];
+            face = self.across(face, farthest.0)?;
         }
         None
     }
@@ -308,44 +278,32 @@ mod tests {
     use super::*;
     use crate::measure::Prepared;
     use crate::measure::proof::local::FaceTest;
-    use crate::{TriMesh, shapes};
-
-    fn points_of(mesh: &TriMesh) -> Vec<Vec3> {
-        (0..mesh.positions().view().len())
-            .map(|v| DVec3::from(mesh.positions().view().get(VertexId(v as u32))).as_vec3())
-            .collect()
-    }
-
-    fn cover_of(mesh: &TriMesh) -> Cover {
-        let faces: Vec<[VertexId; 3]> =
-            mesh.triangles().iter().map(|t| t.map(|w| mesh.vertex_of(w))).collect();
-        Cover::new(&points_of(mesh), &faces)
-    }
+    use crate::{PositionsView, TriMesh, shapes};
 
     #[test]
     fn what_is_over_a_face_is_also_near_all_of_it() {
         for mesh in [shapes::blob(5, 1), shapes::wavy_sheet(24), shapes::box_with_fins(true), shapes::cube(6)]
         {
-            let (points, cover) = (points_of(&mesh), cover_of(&mesh));
+            let cover = Cover::new(&mesh.surface());
             let to = Prepared::new(&mesh.surface()).expect("there are faces");
             let (mut scratch, mut test) = (CoverScratch::default(), FaceTest::default());
-            let size = points.iter().fold(Vec3::ZERO, |size, p| size.max(p.abs())).max_element();
+            let size = cover.points.iter().fold(Vec3::ZERO, |size, p| size.max(p.abs())).max_element();
             let (mut proven, mut others) = (0, 0);
-            for i in 0..cover.face_count() as u32 {
+            for i in (0..mesh.face_count()).map(FaceId::new) {
                 // A face from here to some vertices of faces nearby, and one that is lifted from the surface.
                 let mut near = i;
                 for k in 0..4 {
                     near =
-                        cover.across[near as usize].into_iter().find(|n| *n != NONE && *n != i).unwrap_or(i);
+                        (0..3).find_map(|k| cover.across(near, k).filter(|other| *other != i)).unwrap_or(i);
                     for lift in [0.0, 0.02, 0.3] {
-                        let [a, b, _] = cover.corners(i);
-                        let c = cover.corners(near)[k % 3];
+                        let [a, b, _] = cover.corners(i).map(Vec3::as_dvec3);
+                        let c = cover.corners(near)[k % 3].as_dvec3();
                         let up = (b - a).cross(c - a).normalize_or_zero() * (lift * f64::from(size));
                         let face = [a + up, b + up, c + up];
                         let distance = 0.05 * f64::from(size);
-                        let mut seed = i;
+                        let mut seed = Some(i);
                         if cover.is_over(face, distance, &mut seed, &mut scratch) {
-                            assert!(lift < 0.1, "face {i} is not near");
+                            assert!(lift < 0.1, "face {i:?} is not near");
                             let user = face.map(|p| p.to_array());
                             assert!(test.is_within(user, &to, distance * 1.0001, &mut u32::MAX.clone()));
                             proven += 1;
@@ -361,41 +319,42 @@ mod tests {
 
     #[test]
     fn nothing_is_proven_beyond_a_border_or_from_a_false_seed() {
-        let cover = cover_of(&shapes::grid(4));
+        let cover = Cover::new(&shapes::grid(4).surface());
         let mut scratch = CoverScratch::default();
-        let mut is_over = |face: [[f64; 3]; 3], mut seed: u32| {
-            cover.is_over(face.map(DVec3::from), 0.01, &mut seed, &mut scratch).then_some(seed)
+        let mut is_over = |face: [[f64; 3]; 3], mut seed: Option<FaceId>| {
+            if cover.is_over(face.map(DVec3::from), 0.01, &mut seed, &mut scratch) { seed } else { None }
         };
         let [a, b, c] = [0, 4, 20].map(|v| cover.points[v].as_dvec3());
         let inside = [a, b, c].map(|p| p.to_array());
         let beyond = [a, b + (b - a), c].map(|p| p.to_array());
-        let seed = is_over(inside, 3).expect("the grid is flat");
-        assert_eq!(is_over(inside, seed), Some(seed));
-        assert_eq!([is_over(beyond, 3), is_over(inside, NONE), is_over([inside[0]; 3], 3)], [None; 3]);
+        let far = Some(FaceId(3));
+        let seed = is_over(inside, far);
+        assert!(seed.is_some(), "the grid is flat");
+        assert_eq!(is_over(inside, seed), seed);
+        assert_eq!([is_over(beyond, far), is_over(inside, None), is_over([inside[0]; 3], far)], [None; 3]);
     }
 
     #[test]
     fn a_second_sheet_does_not_stand_in_for_a_hole() {
         // Two sheets, one above the other and joined at one side: counted together, each place is covered twice.
-        let points =
-            [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 0.001], [0., 1., 0.001]].map(Vec3::from);
+        let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 0.001], [0., 1., 0.001]];
         let faces = [[0, 1, 2], [4, 1, 3]].map(|t: [u32; 3]| t.map(VertexId));
-        let cover = Cover::new(&points, &faces);
+        let surface = Surface::new(PositionsView::F64(&points), &faces).unwrap();
+        let cover = Cover::new(&surface);
         let face = [[0.1, 0.1, 0.0], [0.5, 0.1, 0.0], [0.1, 0.5, 0.0]].map(DVec3::from);
-        assert!(cover.is_over(face, 0.01, &mut 0, &mut CoverScratch::default()));
+        assert!(cover.is_over(face, 0.01, &mut Some(FaceId(0)), &mut CoverScratch::default()));
         let beyond = [[0.1, 0.1, 0.0], [1.5, 0.1, 0.0], [0.1, 0.5, 0.0]].map(DVec3::from);
-        assert!(!cover.is_over(beyond, 0.01, &mut 0, &mut CoverScratch::default()));
+        assert!(!cover.is_over(beyond, 0.01, &mut Some(FaceId(0)), &mut CoverScratch::default()));
     }
 
     #[test]
     fn sides_are_sharp_where_the_surface_turns_or_ends() {
-        let cover = cover_of(&shapes::cube(2));
-        let sharp = |cover: &Cover| {
-            let sides = (0..cover.face_count() as u32).flat_map(|face| (0..3).map(move |k| (face, k)));
-            sides.filter(|&(face, k)| cover.is_sharp(face, k, 0.9)).count()
+        let sharp = |mesh: &TriMesh| {
+            let cover = Cover::new(&mesh.surface());
+            (0..3 * mesh.face_count() as u32).filter(|h| cover.is_sharp(HalfEdgeId(*h), 0.9)).count()
         };
         // Twelve edges of two sides each; and the border of a grid.
-        assert_eq!(sharp(&cover), 24);
-        assert_eq!(sharp(&cover_of(&shapes::grid(5))), 20);
+        assert_eq!(sharp(&shapes::cube(2)), 24);
+        assert_eq!(sharp(&shapes::grid(5)), 20);
     }
 }

@@ -30,7 +30,8 @@ impl FaceTest {
         self.is_proven(face, to.tree(), frame.unit_length(distance), near)
     }
 
-    /// The same for a list of faces. Cost: some steps of O(n) for each of them below the face.
+    /// As [`Self::is_within`], for a list of faces in place of a surface; all in the same units, `near` is an index in
+    /// the list. Cost: O(n) for each of the n faces that lies below the face.
     pub fn is_within_few(
         &mut self,
         face: [DVec3; 3],
