@@ -35,6 +35,26 @@ pub struct TwoWay {
     pub symmetric: f64,
 }
 
+/// The place of the largest distance found between two surfaces, in the units of the positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FarthestPoint {
+    /// True if it lies on the reference (and its distance is `hausdorff.forward`), false if it lies on the candidate.
+    pub is_forward: bool,
+    /// The point.
+    pub point: [f64; 3],
+    /// The point of the other surface that is nearest to it.
+    pub nearest: [f64; 3],
+}
+
+impl FarthestPoint {
+    /// Returns the name of the direction, as in [`TwoWay`]: `forward` or `backward`.
+    pub const fn direction(&self) -> &'static str {
+        if self.is_forward { "forward" } else { "backward" }
+    }
+}
+
 /// Distances between two surfaces, in the units of their positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -42,6 +62,9 @@ pub struct TwoWay {
 pub struct Comparison {
     /// Largest distance found.
     pub hausdorff: TwoWay,
+    /// Where the larger of the two is; `None` if it is 0, or too large for a square. Up to rounding of its coordinates,
+    /// the distance of the point from the other surface is `hausdorff.symmetric`.
+    pub farthest: Option<FarthestPoint>,
     /// Mean distance over the area.
     pub mean: TwoWay,
     /// Root of the mean squared distance over the area.
@@ -82,7 +105,8 @@ impl Default for CompareOptions {
 ///
 /// Mean, RMS, p99 and normals come from samples spread evenly by area; the largest distance also from all
 /// vertices of faces, and from places around the farthest samples. It is the largest one found: a place
-/// elsewhere may be farther away. Distances are in the units of the positions. Faces with a non-finite corner
+/// elsewhere may be farther away. Of equally far places, the first vertex is named, else the first sample; of equal
+/// directions, the forward one. Distances are in the units of the positions. Faces with a non-finite corner
 /// are left out. A mesh whose faces have no area is sampled by the perimeter of its faces. Equal seeds give
 /// equal numbers, at any number of threads. Cost: O(n log n) to build two trees of n faces, then O(log n) for
 /// each sample and vertex.
@@ -114,6 +138,7 @@ pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &Co
     };
     Comparison {
         hausdorff: two(|d| d.max, f64::max),
+        farthest: farthest(&forward, &backward, [reference, candidate]),
         mean: two(|d| d.mean, |a, b| a * 0.5 + b * 0.5),
         // By `hypot`: the square of 1e200 overflows a double.
         rms: two(|d| d.rms, |a, b| libm::hypot(a, b) * std::f64::consts::FRAC_1_SQRT_2),
@@ -124,6 +149,21 @@ pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &Co
         samples,
         seed: options.seed,
     }
+}
+
+/// Returns the place of the largest distance of two directions between two surfaces.
+fn farthest(
+    forward: &OneWay,
+    backward: &OneWay,
+    [reference, candidate]: [&Prepared; 2],
+) -> Option<FarthestPoint> {
+    let is_forward = forward.max >= backward.max;
+    let (way, to) = if is_forward { (forward, candidate) } else { (backward, reference) };
+    if !(way.max > 0.0 && way.max.is_finite()) {
+        return None;
+    }
+    let nearest = to.tree().closest(way.farthest)?.point;
+    Some(FarthestPoint { is_forward, point: way.farthest, nearest })
 }
 
 /// Measures the distance of each vertex of `surface` to `to`, in the units of the positions, in the order of

@@ -1,5 +1,6 @@
 //! Comparisons whose true distances are known.
 
+use glam::DVec3;
 use lodsmith_core::measure::{
     CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, vertex_distances,
 };
@@ -178,6 +179,67 @@ fn a_spike_is_found_at_its_vertex() {
     assert_eq!(c.hausdorff.backward, 0.5);
     let distances = vertex_distances(&spiked.surface(), &Prepared::new(&flat.surface()).unwrap());
     assert_eq!((distances[5000], distances[4999], distances.len()), (0.5, 0.0, 101 * 101));
+}
+
+/// Distance of a point from the nearest face, one after the other.
+fn distance_by_brute_force(p: [f64; 3], mesh: &Mesh) -> f64 {
+    let p = DVec3::from(p);
+    let to_face = |t: &[VertexId; 3]| {
+        let [a, b, c] = t.map(|v| DVec3::from(mesh.positions[v.index()]));
+        let side = |a: DVec3, b: DVec3| {
+            let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+            p.distance(a + (b - a) * along)
+        };
+        let normal = (b - a).cross(c - a).normalize();
+        let is_over =
+            [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(normal) >= 0.0);
+        if is_over { (p - a).dot(normal).abs() } else { side(a, b).min(side(b, c)).min(side(c, a)) }
+    };
+    mesh.surface().triangles().iter().map(to_face).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn the_farthest_point_is_as_far_as_the_largest_distance() {
+    let mut spiked = plane(20);
+    spiked.positions[123][2] = 0.5;
+    let moved = |mesh: &Mesh| mesh.clone().map(|[x, y, z]| [3.0 * x + 100.0, 3.0 * y, 3.0 * z - 7.0]);
+    let pairs = [
+        (bumpy(20), bumpy(4)),
+        (bumpy(3), bumpy(20)),
+        (plane(20), spiked.clone()),
+        (spiked, plane(3)),
+        (moved(&bumpy(11)), moved(&bumpy(5))),
+    ];
+    let mut directions = Vec::new();
+    for (reference, candidate) in &pairs {
+        let c = measure(reference, candidate);
+        let farthest = c.farthest.expect("they differ");
+        let (own, other) = if farthest.is_forward { (reference, candidate) } else { (candidate, reference) };
+        let way = if farthest.is_forward { c.hausdorff.forward } else { c.hausdorff.backward };
+        assert_eq!(way, c.hausdorff.symmetric);
+        assert_near(distance_by_brute_force(farthest.point, other), way, 1e-9);
+        assert_near(DVec3::from(farthest.point).distance(farthest.nearest.into()), way, 1e-9);
+        assert!(distance_by_brute_force(farthest.point, own) < 1e-9 * c.diagonal);
+        assert!(distance_by_brute_force(farthest.nearest, other) < 1e-9 * c.diagonal);
+        directions.push(farthest.direction());
+    }
+    assert!(directions.contains(&"forward") && directions.contains(&"backward"), "{directions:?}");
+}
+
+#[test]
+fn the_farthest_point_is_the_first_of_equally_far_ones() {
+    // Both directions, all vertices and all samples are equally far.
+    let (low, high) = (plane(3), plane(3).map(|[x, y, z]| [x, y, z + 0.25]));
+    let c = measure(&low, &high);
+    let farthest = c.farthest.expect("they differ");
+    assert!(farthest.is_forward && low.positions.contains(&farthest.point), "{farthest:?}");
+    let [x, y, _] = farthest.point;
+    assert_eq!(farthest.nearest, [x, y, 0.25]);
+    // There is none without a distance, or with one that is too large for its square.
+    let point = plane(1).map(|_| [0.5; 3]);
+    assert_eq!(measure(&point, &point).farthest, None);
+    let unrelated = low.clone().map(|p| p.map(|x| x * 1e-180 + 1.0));
+    assert_eq!(measure(&unrelated, &low.map(|p| p.map(|x| x * 1e-180))).farthest, None);
 }
 
 #[test]

@@ -15,6 +15,22 @@ pub(super) struct OneWay {
     pub(super) p99: f64,
     /// Angles between the normals of the two faces, for each sample where both faces have one.
     pub(super) angles_deg: Vec<f64>,
+    /// The place with the largest distance, in the units of the positions.
+    pub(super) farthest: [f64; 3],
+}
+
+/// A place of the measured surface, in its frame, and its distance in the frame of the other surface.
+#[derive(Clone, Copy)]
+struct Place {
+    distance: f64,
+    point: DVec3,
+}
+
+impl Place {
+    /// Returns the farther of two places; the first if they are equally far.
+    fn farther(self, other: Self) -> Self {
+        if other.distance > self.distance { other } else { self }
+    }
 }
 
 #[derive(Default)]
@@ -52,8 +68,11 @@ impl OneWay {
         let vertices = source.vertices();
         let at_vertices = chunks::map(vertices.len(), |range| {
             let mut hint = Hint::default();
-            let far = |p: &DVec3| nearest(*p, &mut hint).map_or(f64::INFINITY, |hit| hit.distance_sq.sqrt());
-            vertices[range].iter().map(far).fold(0.0, f64::max)
+            let far = |&point: &DVec3| {
+                let hit = nearest(point, &mut hint);
+                Place { point, distance: hit.map_or(f64::INFINITY, |hit| hit.distance_sq.sqrt()) }
+            };
+            vertices[range].iter().map(far).reduce(Place::farther)
         });
 
         let mut distances = Vec::with_capacity(samples);
@@ -62,8 +81,11 @@ impl OneWay {
             distances.append(&mut part.distances);
             angles_deg.append(&mut part.angles_deg);
         }
-        let seen = distances.iter().chain(&at_vertices).copied().fold(0.0, f64::max);
-        let max = climb_to_farthest(from, to, &distances, seed).max(seen);
+        let sampled = farthest_sample(from, &distances, seed);
+        let climbed = climb_to_farthest(from, to, &distances, seed);
+        let places = at_vertices.into_iter().flatten().chain(sampled).chain(climbed);
+        let none = Place { distance: 0.0, point: DVec3::ZERO };
+        let Place { distance: max, point } = places.reduce(Place::farther).unwrap_or(none);
         let mean = chunks::mean(&distances);
         let p99 = quantile(&mut distances, 0.99);
         // Divided by the largest first: the square of 1e-170 underflows.
@@ -71,7 +93,8 @@ impl OneWay {
         distances.iter_mut().for_each(|d| *d = (*d / largest) * (*d / largest));
         let rms = largest * chunks::mean(&distances).sqrt();
         let user = |length| target.frame().user_length(length);
-        Self { max: user(max), mean: user(mean), rms: user(rms), p99: user(p99), angles_deg }
+        let farthest = source.frame().user_from_unit(point);
+        Self { max: user(max), mean: user(mean), rms: user(rms), p99: user(p99), angles_deg, farthest }
     }
 }
 
@@ -80,23 +103,31 @@ impl OneWay {
 /// this many are some 5,000 queries (calculated).
 const CLIMB_SAMPLES: usize = 64;
 
-/// Returns the largest distance found by hill climbing from the samples with the largest distances, each
-/// within its face.
-fn climb_to_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> f64 {
+/// Returns the place of the first of the samples with the largest distance.
+fn farthest_sample(from: &Prepared, distances: &[f64], seed: u64) -> Option<Place> {
+    let farther = |best: (usize, f64), other: (usize, f64)| if other.1 > best.1 { other } else { best };
+    let (number, distance) = distances.iter().copied().enumerate().reduce(farther)?;
+    let sample = from.sampler().samples(number..number + 1, distances.len(), seed).next()?;
+    Some(Place { distance, point: sample.point(from.tree().slot_corners(sample.face.0)) })
+}
+
+/// Returns the farthest place found by hill climbing from the samples with the largest distances, each within its face;
+/// of equally far places, that of the first sample.
+fn climb_to_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u64) -> Option<Place> {
     let mut order: Vec<usize> = (0..distances.len()).collect();
     let farthest_first = |a: &usize, b: &usize| distances[*b].total_cmp(&distances[*a]).then(a.cmp(b));
     if order.len() > CLIMB_SAMPLES {
         order.select_nth_unstable_by(CLIMB_SAMPLES, farthest_first);
         order.truncate(CLIMB_SAMPLES);
     }
+    order.sort_unstable();
     let climb = |&number: &usize| {
-        let Some(sample) = from.sampler().samples(number..number + 1, distances.len(), seed).next() else {
-            return 0.0;
-        };
+        let sample = from.sampler().samples(number..number + 1, distances.len(), seed).next()?;
         let [a, b, c] = from.tree().slot_corners(sample.face.0);
+        let point = |[u, v]: [f64; 2]| a * (1.0 - u - v) + b * u + c * v;
         let mut hint = Hint::default();
-        let mut height = |[u, v]: [f64; 2]| {
-            let p = from.tree().frame().to(to.tree().frame(), a * (1.0 - u - v) + b * u + c * v);
+        let mut height = |at: [f64; 2]| {
+            let p = from.tree().frame().to(to.tree().frame(), point(at));
             to.tree().closest_slot(p, f64::INFINITY, &mut hint).map_or(0.0, |hit| hit.distance_sq)
         };
         let mut at = [sample.weights[1], sample.weights[2]];
@@ -116,9 +147,9 @@ fn climb_to_farthest(from: &Prepared, to: &Prepared, distances: &[f64], seed: u6
             }
             if next.0 > best { (best, at) = next } else { step *= 0.5 }
         }
-        best.sqrt()
+        Some(Place { distance: best.sqrt(), point: point(at) })
     };
-    order.iter().map(climb).fold(0.0, f64::max)
+    order.iter().filter_map(climb).reduce(Place::farther)
 }
 
 /// Returns the angle between two directions of any length, in degrees; `None` if one has length zero.
