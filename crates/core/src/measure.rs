@@ -44,8 +44,9 @@ pub struct FarthestPoint {
     pub is_forward: bool,
     /// The point.
     pub point: [f64; 3],
-    /// The point of the other surface that is nearest to it.
-    pub nearest: [f64; 3],
+    /// The point of the other surface that is nearest to it; `None` in a scene if it belongs to a mesh elsewhere, because
+    /// nothing is left of its own.
+    pub nearest: Option<[f64; 3]>,
 }
 
 impl FarthestPoint {
@@ -162,7 +163,7 @@ fn farthest(
     if !(way.max > 0.0 && way.max.is_finite()) {
         return None;
     }
-    let nearest = to.tree().closest(way.farthest)?.point;
+    let nearest = Some(to.tree().closest(way.farthest)?.point);
     Some(FarthestPoint { is_forward, point: way.farthest, nearest })
 }
 

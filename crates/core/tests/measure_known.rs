@@ -218,9 +218,9 @@ fn the_farthest_point_is_as_far_as_the_largest_distance() {
         let way = if farthest.is_forward { c.hausdorff.forward } else { c.hausdorff.backward };
         assert_eq!(way, c.hausdorff.symmetric);
         assert_near(distance_by_brute_force(farthest.point, other), way, 1e-9);
-        assert_near(DVec3::from(farthest.point).distance(farthest.nearest.into()), way, 1e-9);
+        assert_near(DVec3::from(farthest.point).distance(farthest.nearest.unwrap().into()), way, 1e-9);
         assert!(distance_by_brute_force(farthest.point, own) < 1e-9 * c.diagonal);
-        assert!(distance_by_brute_force(farthest.nearest, other) < 1e-9 * c.diagonal);
+        assert!(distance_by_brute_force(farthest.nearest.unwrap(), other) < 1e-9 * c.diagonal);
         directions.push(farthest.direction());
     }
     assert!(directions.contains(&"forward") && directions.contains(&"backward"), "{directions:?}");
@@ -234,7 +234,7 @@ fn the_farthest_point_is_the_first_of_equally_far_ones() {
     let farthest = c.farthest.expect("they differ");
     assert!(farthest.is_forward && low.positions.contains(&farthest.point), "{farthest:?}");
     let [x, y, _] = farthest.point;
-    assert_eq!(farthest.nearest, [x, y, 0.25]);
+    assert_eq!(farthest.nearest, Some([x, y, 0.25]));
     // There is none without a distance, or with one that is too large for its square.
     let point = plane(1).map(|_| [0.5; 3]);
     assert_eq!(measure(&point, &point).farthest, None);

@@ -228,8 +228,13 @@ pub(crate) struct Tally {
 
 impl Tally {
     /// Number of refusals of all reasons.
-    fn refused(&self) -> u64 {
+    pub(crate) fn refused(&self) -> u64 {
         self.refusals.iter().sum()
+    }
+
+    /// True if a collapse was refused for this reason.
+    pub(crate) fn has_refused(&self, why: Refusal) -> bool {
+        self.refusals[why as usize] > 0
     }
 
     fn refuse(&mut self, why: Refusal) {

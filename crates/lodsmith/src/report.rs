@@ -30,8 +30,9 @@ pub enum Refusal {
     Component,
     /// Attributes would move to the other side of a seam.
     Seam,
-    /// The cost exceeds what the stop allows.
-    Cost,
+    /// The result would be beyond the error limit. Counts parts too: those that stay because they are farther than the
+    /// limit from the others.
+    ErrorLimit,
     /// A vertex or its attributes are locked.
     Locked,
     /// The faces of a part do not have the pattern of a subdivision.
@@ -50,7 +51,7 @@ impl Refusal {
         Self::NonManifold,
         Self::Component,
         Self::Seam,
-        Self::Cost,
+        Self::ErrorLimit,
         Self::Locked,
         Self::Pattern,
     ];
@@ -66,7 +67,7 @@ impl Refusal {
             Self::NonManifold => "non_manifold",
             Self::Component => "component",
             Self::Seam => "seam",
-            Self::Cost => "cost",
+            Self::ErrorLimit => "error_limit",
             Self::Locked => "locked",
             Self::Pattern => "pattern",
         }
@@ -138,6 +139,9 @@ pub struct ErrorReport {
     /// Distances measured in both directions by samples, if measured. After a stop at an error, a quarter of
     /// the usual samples is taken, or all with [`Measure::Always`](crate::Measure::Always).
     pub measured: Option<Comparison>,
+    /// In a scene, the number of the part that the farthest point belongs to; `None` for a single mesh, or if there is no
+    /// such point.
+    pub farthest_part: Option<usize>,
     /// Proven upper bound on the distance of any point, in the directions that
     /// [`SimplifyOptions::bound`](crate::SimplifyOptions) guarantees; `None` where it guarantees nothing. At
     /// most 1 % above the largest distance seen, or 25 % with a stop at an error, unless that took too much

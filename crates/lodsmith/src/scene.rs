@@ -5,6 +5,7 @@
 //! run: its threshold is the same for all. A collapse in a mesh with several instances multiplies saved
 //! triangles and errors equally, so instances change only the count.
 
+mod farthest;
 mod joined;
 mod layout;
 mod part;
@@ -32,7 +33,9 @@ pub use part::{MeshCounts, Part, Place, SimplifiedScene, Starved};
 /// # Output
 /// One mesh for each part, in the same order and in the units, precision, attributes and regions of that
 /// part; a mesh may have lost all its faces. Counts in the report include all instances; its lengths are in
-/// the units of the scene.
+/// the units of the scene. The place of the largest distance has the number of its
+/// [part](crate::ErrorReport::farthest_part), and is in the coordinates of the scene if [`Part::places`] are known (at
+/// the instance where it is largest), else in those of the part.
 ///
 /// With [`SimplifyOptions::per_mesh`] each part is simplified separately, and the stop applies to each, with
 /// its instances counted once; parts that touch then do not stay connected ([`Report::gaps`](crate::Report)).

@@ -3,10 +3,11 @@
 
 use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
+use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{TriMesh, VertexId, shapes};
 use lodsmith::{
-    Bound, Control, Input, Length, MethodKind, NoControl, Report, Simplified, SimplifyOptions, Stop,
-    TopologyPolicy, Verdict, simplify, simplify_with,
+    Bound, Control, Input, Length, MethodKind, NoControl, Refusal, Report, Simplified, SimplifyOptions, Stop,
+    StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::{CaseFilter, size};
@@ -168,6 +169,48 @@ fn a_part_within_the_error_of_the_rest_is_removed() {
     assert_eq!(run(&mesh, &options).report.parts_removed, 0);
     // Too far away.
     assert_eq!(run(&with_shell(0.1), &within(0.01)).report.parts_removed, 0);
+}
+
+fn refused(report: &Report, why: Refusal) -> u64 {
+    report.refusals.iter().filter(|r| r.0 == why).map(|r| r.1).sum()
+}
+
+#[test]
+fn the_report_says_where_the_result_is_farthest_and_what_the_error_refused() {
+    for (mesh, share) in
+        [(shapes::blob(4, 3), 0.005), (shapes::wavy_sheet(40), 0.004), (shapes::level(6, 30), 0.01)]
+    {
+        let done = run(&mesh, &within(share));
+        let report = &done.report;
+        assert_eq!((report.stopped_by, report.reached), (StoppedBy::Error, true));
+        assert!(refused(report, Refusal::ErrorLimit) > 0, "{:?}", report.refusals);
+        let (farthest, largest) = (report.error.measured.unwrap().farthest.unwrap(), largest_seen(report));
+        let (from, to) = if farthest.is_forward { (&mesh, &done.mesh) } else { (&done.mesh, &mesh) };
+        let distance = |to: &TriMesh| Bvh::new(&to.surface()).closest(farthest.point).unwrap().distance;
+        assert!((distance(to) - largest).abs() < 1e-9 * report.error.diagonal);
+        assert!(distance(from) < 1e-9 * report.error.diagonal);
+        assert!(largest <= report.error.bound.unwrap());
+        assert_eq!(report.error.farthest_part, None);
+    }
+    // A run without a limit is neither measured nor refused anything by it.
+    let plain = run(&shapes::blob(4, 3), &SimplifyOptions::new(Stop::ratio(0.1))).report;
+    assert_eq!((refused(&plain, Refusal::ErrorLimit), plain.error.measured), (0, None));
+}
+
+/// The error did not end a run in which it refused nothing.
+#[test]
+fn a_run_that_the_error_does_not_end_says_what_did() {
+    let mut options = within(10.0);
+    options.topology = TopologyPolicy::Preserve;
+    options.guards.max_normal_deg = Some(20.0);
+    let report = run(&shapes::blob(4, 3), &options).report;
+    assert_eq!(refused(&report, Refusal::ErrorLimit), 0);
+    assert!(refused(&report, Refusal::NormalFlip) > 0, "{:?}", report.refusals);
+    assert_eq!((report.stopped_by, report.reached), (StoppedBy::Refusals, true));
+    // Nor does it reach a count that these refusals keep it from.
+    options.stop.faces = Some(4);
+    let report = run(&shapes::blob(4, 3), &options).report;
+    assert_eq!((report.stopped_by, report.reached), (StoppedBy::Refusals, false));
 }
 
 #[test]

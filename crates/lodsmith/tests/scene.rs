@@ -3,9 +3,11 @@
 use std::collections::BTreeSet;
 
 use lodsmith::core::measure::{CompareOptions, compare};
+use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Attribute, RegionId, Semantic, TriMesh, shapes};
 use lodsmith::{
-    Length, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy, simplify_scene,
+    Length, Measure, NoControl, Part, Placement, SimplifyError, SimplifyOptions, Stop, TopologyPolicy,
+    simplify_scene,
 };
 
 use crate::support::attributed::{with_random_attributes, with_rare_options};
@@ -54,6 +56,62 @@ fn each_mesh_keeps_its_place_and_attributes() {
     let left = got.meshes[0].face_count() + 3 * got.meshes[1].face_count();
     assert_eq!(got.report.faces, left);
     assert!(left * 2 <= placed && left * 20 > placed * 9, "{left} of {placed}");
+}
+
+/// A scale, a quarter turn around z, and a move.
+fn turned_place(scale: f64, [x, y, z]: [f64; 3]) -> lodsmith::Place {
+    [[0.0, -scale, 0.0, x], [scale, 0.0, 0.0, y], [0.0, 0.0, scale, z]]
+}
+
+/// The place of the largest distance is that of the mesh that has it, at the instance where it is largest.
+#[test]
+fn the_farthest_point_is_in_its_mesh_and_in_the_scene() {
+    let (small, large) = (shapes::blob(4, 1), shapes::torus(48, 24));
+    let places = [
+        [turned_place(0.1, [5.0, 0.0, 0.0])].to_vec(),
+        vec![turned_place(1.0, [0.0, 9.0, 0.0]), turned_place(3.0, [-20.0, 7.0, 1.0])],
+    ];
+    let scales = [0.1, 3.0];
+    let (mut options, mut found) = (SimplifyOptions::new(Stop::ratio(0.1)), Vec::new());
+    options.measure = Measure::Always;
+    for (is_placed, per_mesh) in [(true, false), (true, true), (false, false), (false, true)] {
+        options.per_mesh = per_mesh;
+        let meshes = [&small, &large];
+        let parts = [0, 1].map(|i| Part {
+            places: if is_placed { &places[i] } else { &[] },
+            ..part(meshes[i], places[i].len(), scales[i])
+        });
+        let done = simplify_scene(&parts, 40.0, &options, &mut NoControl).unwrap();
+        let measured = done.report.error.measured.unwrap();
+        let (farthest, i) = (measured.farthest.unwrap(), done.report.error.farthest_part.unwrap());
+        let [from, to] =
+            if farthest.is_forward { [meshes[i], &done.meshes[i]] } else { [&done.meshes[i], meshes[i]] };
+        let moved = |mesh: &TriMesh, place: &lodsmith::Place| {
+            let mut mesh = mesh.clone();
+            mesh.map_positions(|[x, y, z]| place.map(|[a, b, c, d]| a * x + b * y + c * z + d));
+            Bvh::new(&mesh.surface())
+        };
+        let unit = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let (place, scale) = match is_placed {
+            true => (places[i].last().unwrap(), 1.0),
+            false => (&unit, scales[i]),
+        };
+        let distance = |mesh: &TriMesh, p| moved(mesh, place).closest(p).unwrap().distance * scale;
+        let largest = measured.hausdorff.symmetric;
+        assert!((distance(to, farthest.point) - largest).abs() < 1e-5 * largest, "{farthest:?} {largest}");
+        assert!(distance(from, farthest.point) < 1e-5 && distance(to, farthest.nearest.unwrap()) < 1e-5);
+        found.push(i);
+    }
+    assert_eq!(found, [1; 4]);
+    // With other scales the other mesh has it, unless the small one is gone: then nothing near it is left.
+    for (scale, per_mesh, expected) in [(1.0, true, 0), (0.001, false, 1)] {
+        options.per_mesh = per_mesh;
+        let parts = [part(&small, 1, 50.0), part(&large, 1, scale)];
+        let done = simplify_scene(&parts, 100.0, &options, &mut NoControl).unwrap();
+        let farthest = done.report.error.measured.unwrap().farthest.unwrap();
+        assert_eq!(done.report.error.farthest_part, Some(expected));
+        assert_eq!((done.meshes[1].face_count() > 0, farthest.nearest.is_some()), (per_mesh, per_mesh));
+    }
 }
 
 #[test]

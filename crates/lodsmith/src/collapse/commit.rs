@@ -292,7 +292,7 @@ impl<M: Metric> LiveMesh<M> {
             let ends = [x.origin, z.origin];
             if let Err(witness) = self.stays_within(bounded, ends, at, &scratch.wings, &mut scratch.bounded) {
                 scratch.bounded.witness = witness;
-                return Err(Refusal::Cost.into());
+                return Err(Refusal::ErrorLimit.into());
             }
         }
         Ok(Priced { cost, spent, detail, handed_over, sampled })

@@ -24,6 +24,7 @@ use super::ring::{Ring, distinct};
 use super::wings::Wings;
 use super::{Engine, LiveMesh};
 use crate::cost::metric::Metric;
+use crate::report::Refusal;
 
 /// A face of the input is tested exactly if one of its samples is farther than this share of the limit. (Measured:
 /// at .6 the proof of the whole fails, and at .3 it takes no less time.)
@@ -78,6 +79,7 @@ impl<M: Metric> Engine<M> {
                 hit.is_some()
             });
             if !is_within {
+                self.tally.refuse(Refusal::ErrorLimit);
                 continue;
             }
             is_gone[part] = true;
@@ -265,7 +267,6 @@ mod tests {
     use crate::collapse::candidate::CollapseOutcome;
     use crate::collapse::test_support::{checked, engine_of, try_at, without_lines};
     use crate::cost::metric::Memoryless;
-    use crate::report::Refusal;
     use crate::test_support::{SmallMesh, sheet};
 
     const FRAME: UnitFrame = UnitFrame::with_size([0.0; 3], 1.0);
@@ -298,7 +299,7 @@ mod tests {
             assert_eq!(samples >= 86, is_two_sided, "{samples}");
             let before = engine.mesh.store.t.clone();
             let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.12), f32::MAX);
-            assert!(matches!(outcome, CollapseOutcome::Refused(Refusal::Cost)));
+            assert!(matches!(outcome, CollapseOutcome::Refused(Refusal::ErrorLimit)));
             assert_eq!((engine.mesh.store.t == before, listed(&engine)), (true, samples));
             let outcome = try_at(&mut engine, [14, 15], Vec3::new(0.5, 0.0, 0.09), f32::MAX);
             assert!(matches!(outcome, CollapseOutcome::Done));

@@ -481,7 +481,7 @@ impl<M: Metric> Engine<M> {
     fn relax_or_stop(&mut self, sweeps: &mut Sweeps, goal: &Goal, refused: u64) -> ControlFlow<Halt> {
         let was = std::mem::replace(&mut sweeps.phase, Phase::Probe);
         let may_blend = self.mesh.values.attributes.is_some();
-        let seams_refused = self.tally.refusals[Refusal::Seam as usize] > 0;
+        let seams_refused = self.tally.has_refused(Refusal::Seam);
         let may_relax = self.mesh.may_relax_seams() && (may_blend || seams_refused);
         let constraints = &mut self.mesh.constraints;
         let has_limit = constraints.rules.max_cost.is_finite();

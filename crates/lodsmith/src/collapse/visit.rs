@@ -109,7 +109,7 @@ impl<M: Metric> Engine<M> {
                 CollapseOutcome::Later(cost) => least = least.min(cost),
                 CollapseOutcome::Refused(why) => {
                     self.tally.refuse(why);
-                    if let (Some(bounded), Refusal::Cost) = (&mut self.mesh.bounded, why) {
+                    if let (Some(bounded), Refusal::ErrorLimit) = (&mut self.mesh.bounded, why) {
                         let ends = [u, candidate.removed].map(|w| self.mesh.store.v[w.index()].origin);
                         bounded.set_witness(ends, self.scratch.bounded.witness);
                         continue;

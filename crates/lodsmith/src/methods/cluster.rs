@@ -421,6 +421,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             error: ErrorReport {
                 estimate: made.estimate,
                 measured: deviation.measured,
+                farthest_part: None,
                 bound: deviation.bound,
                 diagonal: self.diagonal,
             },

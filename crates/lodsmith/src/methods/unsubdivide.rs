@@ -212,7 +212,7 @@ impl SubdivisionLevel {
         if let Some(step) = task.step
             && cover.tiles.iter().any(|t| self.step_of(prepared, topology, t.middle, t.even) > step)
         {
-            return Err(Refusal::Cost);
+            return Err(Refusal::ErrorLimit);
         }
         let is_flat = |t: [VertexId; 3]| is_zero_area(t.map(|v| point(v).to_array()));
         let flat_before = part.iter().filter(|f| is_flat(self.faces[f.index()])).count();

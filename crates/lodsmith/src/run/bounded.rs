@@ -21,6 +21,7 @@ use crate::control::{Control, Stage};
 use crate::cost::metric::Metric;
 use crate::deviation::{InputComparer, PreparedResult};
 use crate::options::TopologyPolicy;
+use crate::report::Refusal;
 
 /// The bounded sweeps start at the last of the levels, each this share of the one before, ...
 const START_STEP: f64 = 0.6;
@@ -174,12 +175,17 @@ impl Run<'_, '_> {
 
 /// Returns a finished run if its result is proven to be within the limit.
 fn proven(
-    outcome: RunOutcome,
+    mut outcome: RunOutcome,
     made: &PreparedResult,
     limit: f64,
     comparer: &InputComparer,
 ) -> Option<Finished> {
     let bound = comparer.proven_within(made, limit)?;
     let deviation = comparer.measure_prepared(made, Some(bound));
-    Some((outcome, deviation, true))
+    // Without a refusal by the limit, it was not what ended the run.
+    let by_error = outcome.tally.has_refused(Refusal::ErrorLimit);
+    if !by_error && outcome.end == StopReason::Exhausted && outcome.tally.refused() > 0 {
+        outcome.end = StopReason::Stuck;
+    }
+    Some((outcome, deviation, by_error))
 }

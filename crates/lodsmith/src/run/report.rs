@@ -63,6 +63,7 @@ pub(super) fn build_report(
         error: ErrorReport {
             estimate: outcome.estimate.min(ordered.diagonal),
             measured: deviation.measured,
+            farthest_part: None,
             bound: deviation.bound,
             diagonal: ordered.diagonal,
         },

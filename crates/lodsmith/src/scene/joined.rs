@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use lodsmith_core::{MeshError, Positions, RegionId, TriMesh, VertexId};
 
+use super::farthest;
 use super::layout::{Layout, RegionTable};
 use super::part::{MeshCounts, Part, SimplifiedScene};
 use super::touching::Touching;
@@ -166,6 +167,7 @@ impl<'a> JoinedScene<'a> {
         report.vertices = self.count_of_instances(TriMesh::vertex_count, &meshes);
         report.gaps = self.touching.as_ref().map_or(0, |touching| touching.gaps(self.parts, &meshes));
         report.error.diagonal = self.diagonal;
+        farthest::locate(&mut report.error, self.parts, &meshes, &self.layout);
         report.error.bound = report.error.bound.map(|bound| bound + self.output_rounding);
         goal.judge(&mut report);
         if let Some(size) = self.options.prune.filter(|_| report.pruned.parts > 0) {

@@ -17,6 +17,8 @@ const PART_GAP: f64 = 0.25;
 /// Placement of each part: scaled or stretched, then moved.
 pub(super) struct Layout {
     pub(super) places: Vec<PartPlacement>,
+    /// Group of each part: parts of a group are placed as in the scene.
+    pub(super) groups: Vec<usize>,
     /// Offset of the joint indices of each part: joints of different systems are different joints.
     first_joints: Vec<f32>,
     /// True if several parts lie in one coordinate system.
@@ -30,7 +32,7 @@ pub(super) struct PartPlacement {
 }
 
 impl PartPlacement {
-    fn to_scene(self, p: [f64; 3]) -> [f64; 3] {
+    pub(super) fn to_scene(self, p: [f64; 3]) -> [f64; 3] {
         let p = self.map.to_scene(p);
         [0, 1, 2].map(|k| p[k] + self.offset[k])
     }
@@ -132,7 +134,7 @@ impl Layout {
         };
         let first_joints = group_of.iter().map(first).collect();
         let places = group_of.iter().zip(&origins).map(place).collect();
-        Self { places, first_joints, has_neighbours }
+        Self { places, groups: group_of, first_joints, has_neighbours }
     }
 
     /// Returns the offset of the joint indices of a part; 0 for other attributes.

@@ -3,6 +3,7 @@
 use lodsmith_core::TriMesh;
 use lodsmith_core::measure::{Comparison, TwoWay};
 
+use super::farthest::move_to_scene;
 use super::joined::JoinedScene;
 use super::part::{MeshCounts, Part, SimplifiedScene};
 use super::touching::Touching;
@@ -14,6 +15,8 @@ use crate::report::{Escalation, Refusal, Report, StoppedBy};
 /// A run and its weight in the sum of all.
 struct WeightedReport {
     report: Report,
+    /// The part that it is of.
+    part: usize,
     /// Number of instances of its mesh.
     instances: usize,
     /// Area of the mesh in the scene, all instances together.
@@ -31,7 +34,7 @@ pub(super) fn simplify_each(
     let all: usize = parts.iter().map(|p| p.mesh.face_count()).sum();
     let (mut meshes, mut counts, mut runs) = (Vec::new(), Vec::new(), Vec::new());
     let mut begun = 0usize;
-    for part in parts {
+    for (i, part) in parts.iter().enumerate() {
         let alone = Part { instances: 1, system: None, places: &[], ..*part };
         let share = |n: usize| n as f64 / all.max(1) as f64;
         let mut own = ProgressShare { control, begin: share(begun), length: share(part.mesh.face_count()) };
@@ -43,7 +46,7 @@ pub(super) fn simplify_each(
                 let times = if is_placed { part.instances } else { 1 };
                 let area = part.area() * times as f64;
                 let reached = report.reached;
-                runs.push(WeightedReport { report, instances: times, area });
+                runs.push(WeightedReport { report, part: i, instances: times, area });
                 (meshes.swap_remove(0), reached)
             }
             Err(SimplifyError::NoFaces { .. }) => (part.mesh.clone(), true),
@@ -61,6 +64,10 @@ pub(super) fn simplify_each(
     report.input_vertices = count(&|i| parts[i].mesh.vertex_count());
     report.faces = count(&|i| TriMesh::face_count(&meshes[i]));
     report.vertices = count(&|i| TriMesh::vertex_count(&meshes[i]));
+    let error = &mut report.error;
+    if let (Some(part), Some(measured)) = (error.farthest_part, &mut error.measured) {
+        measured.farthest.iter_mut().for_each(|farthest| move_to_scene(farthest, parts[part].places));
+    }
     report.gaps = Touching::find(parts, true).map_or(0, |touching| touching.gaps(parts, &meshes));
     Ok(SimplifiedScene { meshes, report, counts })
 }
@@ -73,11 +80,16 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     let squares = runs.iter().map(|r| weight(r) * r.report.error.estimate.powi(2)).sum::<f64>();
     let measured: Option<Vec<(f64, &Comparison)>> =
         runs.iter().map(|r| Some((weight(r), r.report.error.measured.as_ref()?))).collect();
-    let measured = measured.and_then(|all| mean(&all, diagonal));
+    let farthest = measured.as_ref().and_then(|all| farthest(all));
+    let mut measured = measured.and_then(|all| mean(&all, diagonal));
+    if let Some(measured) = &mut measured {
+        measured.farthest = farthest.and_then(|run| runs[run].report.error.measured.as_ref()?.farthest);
+    }
     let lead = runs.iter().position(|r| !r.report.reached).unwrap_or(0);
     let mut report = runs.get(lead)?.report.clone();
     report.error.estimate = squares.sqrt();
     report.error.measured = measured;
+    report.error.farthest_part = farthest.map(|run| runs[run].part);
     report.error.bound = runs.iter().map(|r| r.report.error.bound).reduce(|a, b| Some(a?.max(b?))).flatten();
     report.error.diagonal = diagonal;
     let refused = |why: Refusal| {
@@ -139,6 +151,14 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
         }
     }
     Some(report)
+}
+
+/// Returns the index of the comparison with the largest distance, the first among equals; `None` if none has one.
+fn farthest(all: &[(f64, &Comparison)]) -> Option<usize> {
+    let farther = |best: usize, i: usize| {
+        if all[i].1.hausdorff.symmetric > all[best].1.hausdorff.symmetric { i } else { best }
+    };
+    (0..all.len()).reduce(farther).filter(|i| all[*i].1.farthest.is_some())
 }
 
 /// Returns the maximum of maxima and the weighted mean of means.

@@ -169,7 +169,7 @@ fn placed_copies(parts: &[Part<'_>]) -> Vec<PlacedCopy> {
     copies
 }
 
-fn moved(place: &Place, p: [f64; 3]) -> [f64; 3] {
+pub(super) fn moved(place: &Place, p: [f64; 3]) -> [f64; 3] {
     place.map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3])
 }
 

@@ -99,7 +99,7 @@ fn refusal_text(refusal: Refusal) -> &'static str {
         Refusal::NonManifold => "Non-manifold edges",
         Refusal::Component => "Separate parts",
         Refusal::Seam => "Texture seams",
-        Refusal::Cost => "Error limit",
+        Refusal::ErrorLimit => "Error limit",
         Refusal::Locked => "Locks",
         Refusal::Pattern => "Subdivision pattern",
         other => other.name(),
