@@ -32,6 +32,7 @@ pub mod constraints;
 mod convert;
 mod destination;
 mod error;
+pub mod farthest;
 mod images;
 mod info;
 mod job;

@@ -7,6 +7,7 @@ use lodsmith_io::{Format, Sizes};
 use serde_json::{Value, json};
 
 use crate::destination::Destination;
+use crate::farthest;
 use crate::job::StageClock;
 use crate::proposals;
 use crate::sizes::{self, WriteOutcome};
@@ -80,8 +81,12 @@ pub fn extend(all: &mut Value, more: Value) {
 /// Returns the error of a run as JSON.
 pub fn error_json(report: &Report) -> Value {
     let e = &report.error;
+    let mut measured = e.measured.as_ref().map(measured_json);
+    if let (Some(measured), Some(part)) = (&mut measured, e.farthest_part) {
+        measured["farthest"]["mesh"] = part.into();
+    }
     json!({
-        "estimate": e.estimate, "bound": e.bound, "measured": e.measured.as_ref().map(measured_json),
+        "estimate": e.estimate, "bound": e.bound, "measured": measured,
         "unit": "model", "diagonal": e.diagonal,
     })
 }
@@ -122,9 +127,12 @@ pub fn comparison(c: &Comparison) -> Value {
     all
 }
 
-/// Returns the measured distances as JSON.
+/// Returns the measured distances as JSON, and where the largest is.
 pub fn measured_json(m: &Comparison) -> Value {
-    json!({ "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms) })
+    json!({
+        "hausdorff": both_ways(&m.hausdorff), "mean": both_ways(&m.mean), "rms": both_ways(&m.rms),
+        "farthest": m.farthest.as_ref().map(farthest::to_json),
+    })
 }
 
 /// Returns a distance for each direction and for both together.

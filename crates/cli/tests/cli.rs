@@ -74,7 +74,7 @@ fn a_measured_result_reports_the_largest_distance() {
     assert!(outcome.text().contains(" %, max "), "{}", outcome.text());
     let arguments = "simplify hills.ply --dry-run --ratio 0.5 --bound two-sided --json";
     let report = &sandbox.run(arguments).with_status(0).objects()[0];
-    assert_eq!(keys(&report["error"]["measured"]), ["hausdorff", "mean", "rms"]);
+    assert_eq!(keys(&report["error"]["measured"]), ["hausdorff", "mean", "rms", "farthest"]);
     assert_eq!(keys(&report["error"]["measured"]["rms"]), ["forward", "backward", "symmetric"]);
     let number = |value: &Value| value.as_f64().unwrap();
     let (bound, seen) = (&report["error"]["bound"], &report["error"]["measured"]["hausdorff"]);
@@ -96,6 +96,43 @@ fn an_error_limit_is_met_and_measured() {
     let error = &report["error"];
     let largest = error["measured"]["hausdorff"]["symmetric"].as_f64().expect("it is measured");
     assert!(largest <= 0.005 * error["diagonal"].as_f64().expect("a length"), "{error}");
+}
+
+#[test]
+fn the_place_of_the_largest_distance_and_the_end_of_a_run_are_reported() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &hills(20));
+    let outcome = sandbox.run("simplify hills.ply -o low.ply --error 0.5% --json").with_status(0);
+    let report = &outcome.objects()[0];
+    assert_eq!(report["stopped_by"], "error");
+    assert!(report["refusals"]["error_limit"].as_u64().is_some_and(|n| n > 0), "{report}");
+    let measured = &report["error"]["measured"];
+    let farthest = &measured["farthest"];
+    assert_eq!(keys(farthest), ["direction", "point", "nearest"]);
+    let direction = farthest["direction"].as_str().expect("a word");
+    assert_eq!(measured["hausdorff"][direction], measured["hausdorff"]["symmetric"]);
+    let point = |key: &str| [0, 1, 2].map(|k| farthest[key][k].as_f64().expect("a coordinate"));
+    let [p, q] = ["point", "nearest"].map(point);
+    let apart = (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
+    let largest = measured["hausdorff"]["symmetric"].as_f64().expect("a distance");
+    assert!((apart - largest).abs() < 1e-9, "{apart} {largest}");
+    // The written mesh has the same place, but for the rounding of the file.
+    let compared =
+        &sandbox.run("compare hills.ply low.ply --samples 50000 --json").with_status(0).objects()[0];
+    assert_eq!(compared["farthest"]["direction"], direction);
+    for k in 0..3 {
+        assert!((compared["farthest"]["point"][k].as_f64().expect("a coordinate") - p[k]).abs() < 1e-4);
+    }
+    let text = sandbox.run("simplify hills.ply -o low.ply --error 0.5% -v --force").with_status(0);
+    let side = if direction == "forward" { "input" } else { "result" };
+    for words in [
+        &format!(" of the {side}\n"),
+        "  largest distance 0.",
+        "  stopped by error; refused: ",
+        "error limit ",
+    ] {
+        assert!(text.text().contains(words), "{words}: {}", text.text());
+    }
 }
 
 #[test]
@@ -456,6 +493,7 @@ fn compare_has_the_promised_keys_and_recognises_equal_meshes() {
             "hausdorff",
             "mean",
             "rms",
+            "farthest",
             "p99",
             "relative_to_diagonal",
             "diagonal",
@@ -474,7 +512,7 @@ fn compare_has_the_promised_keys_and_recognises_equal_meshes() {
     let other = sandbox.run("compare a.ply b.ply --json").with_status(0).objects().remove(0);
     assert!(other["hausdorff"]["symmetric"].as_f64().expect("a distance") > 0.5);
     let table = sandbox.run("compare a.ply b.ply").with_status(0);
-    for word in ["largest", "mean", "rms", "p99", "forward", "backward", "symmetric"] {
+    for word in ["largest", "mean", "rms", "p99", "forward", "backward", "symmetric", "farthest point  0."] {
         assert!(table.text().contains(word), "{}", table.text());
     }
     sandbox.run("compare a.ply missing.ply").with_status(1).with_one_error();

@@ -124,6 +124,36 @@ fn a_stretched_mesh_is_measured_in_world_coordinates() {
     assert!(of_node.abs_diff(of_mesh) * 10 <= of_mesh, "{of_node} and {of_mesh}");
 }
 
+#[test]
+fn the_farthest_point_is_in_world_coordinates() {
+    let sandbox = CliSandbox::new();
+    let mut json = sheet(&sandbox, 24);
+    let second = json["meshes"][0].clone();
+    json["meshes"].as_array_mut().unwrap().push(second);
+    (json["meshes"][0]["name"], json["meshes"][1]["name"]) = ("small".into(), "large".into());
+    let node = |mesh: usize, x: f64, scale: f64| json!({"mesh": mesh, "translation": [x, 0.0, 0.0], "scale": [scale, scale, scale]});
+    json["nodes"] = json!([node(0, 0.0, 1.0), node(1, 10.0, 2.0), node(1, 20.0, 3.0)]);
+    json["scenes"] = json!([{"nodes": [0, 1, 2]}]);
+    put(&sandbox, "two.gltf", &json);
+    for more in ["", " --per-mesh"] {
+        let arguments = format!("simplify two.gltf -o two.glb --ratio .2 --measure --force{more}");
+        let got = report(&sandbox, &format!("{arguments} --json"));
+        let measured = &got["error"]["measured"];
+        let mesh = measured["farthest"]["mesh"].as_u64().expect("a mesh") as usize;
+        let name = got["meshes"][mesh]["name"].as_str().expect("a name");
+        // With the same share of faces for each, the larger mesh has the larger distance; at its larger instance.
+        assert!(more.is_empty() || name == "large");
+        let range = if name == "large" { 20.0..23.0 + 1e-5 } else { 0.0..1.0 + 1e-5 };
+        let x = measured["farthest"]["point"][0].as_f64().expect("a coordinate");
+        assert!(range.contains(&x), "{x} in {name}");
+        let seen = report(&sandbox, "compare two.gltf two.glb --json");
+        let [reported, seen] = [measured, &seen].map(|c| c["hausdorff"]["symmetric"].as_f64().unwrap());
+        assert!((reported - seen).abs() <= 0.05 * seen, "reported {reported}, measured {seen}");
+        let text = sandbox.run(&format!("{arguments} -v")).with_status(0);
+        assert!(text.text().contains(&format!(", in {name}\n")), "{}", text.text());
+    }
+}
+
 /// Small meshes beside a large one vanished without a warning.
 #[test]
 fn meshes_that_lose_their_shape_under_a_common_target_are_reported() {

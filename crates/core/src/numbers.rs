@@ -32,9 +32,27 @@ pub fn significant(x: f64, digits: usize) -> String {
     format!("{x:.*}", decimals.max(0) as usize)
 }
 
+/// Formats the coordinates of a point to some ten-thousandths of a size, that of its model: `12.346, -0.50000, 0`.
+pub fn point(p: [f64; 3], size: f64) -> String {
+    let exponent = |x: f64| libm::log10(x.abs()).floor();
+    let coordinate = |x: f64| {
+        // (A cast saturates, and NaN gives 0.)
+        let digits = if size > 0.0 { (exponent(x) - exponent(size)) as i32 + 5 } else { 5 };
+        if digits < 1 { "0".to_owned() } else { significant(x, digits.min(17) as usize) }
+    };
+    p.map(coordinate).join(", ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn coordinates_are_as_exact_as_the_model_is_large() {
+        assert_eq!(point([12.3456789, -0.5, 1e-9], 3.0), "12.3457, -0.5000, 0");
+        assert_eq!(point([1_000_000.123456, 0.0, 2e-7], 0.02), "1000000.123456, 0, 0");
+        assert_eq!(point([2e-7, f64::NAN, 1234.56], 0.0), "2.0000e-7, NaN, 1234.6");
+    }
 
     #[test]
     fn counts_are_grouped() {

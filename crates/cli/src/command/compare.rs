@@ -15,7 +15,7 @@ use lodsmith::core::{Image, TriMesh, VertexId};
 use lodsmith_asset::memory_need::{self, Size};
 use lodsmith_asset::report_json::{self, both_ways};
 use lodsmith_asset::warnings::viewing_warnings;
-use lodsmith_asset::{Sink, paths, picture};
+use lodsmith_asset::{Sink, farthest, paths, picture};
 use lodsmith_io::{Format, Loaded, Warning, WriteOptions};
 use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, render, sheet};
 use rayon::prelude::*;
@@ -206,6 +206,7 @@ fn table(c: &Comparison, reference: &Loaded, candidate: &Loaded) -> Vec<String> 
             percent(x.symmetric)
         ));
     }
+    lines.extend(farthest::text(c, ["reference", "candidate"]).map(|text| format!("farthest point  {text}")));
     lines.push(format!("diagonal        {}", figure(c.diagonal)));
     lines.push(format!(
         "face normals    mean {}°, 95 % below {}°",

@@ -1,6 +1,6 @@
 //! Text that `lodsmith lod` prints.
 
-use lodsmith_asset::LodOutcome;
+use lodsmith_asset::{LodOutcome, farthest};
 
 use crate::numbers::{counted, grouped, seconds, short};
 use crate::output::Output;
@@ -9,6 +9,11 @@ use crate::sizes;
 /// Prints the outcome.
 pub(super) fn show(out: &Output, path: &str, done: &LodOutcome) {
     lines(done, path).iter().for_each(|line| out.line(line));
+    for (k, level) in done.levels.iter().enumerate() {
+        if let Some(text) = farthest::text_of_run(&level.report, &level.meshes) {
+            out.detail(&format!("  {}: largest distance {text}", k + 1));
+        }
+    }
     for (k, file) in done.written.iter().enumerate() {
         if let Some(line) = sizes::line(done.sizes_before, file.sizes) {
             out.detail(&if done.written.len() > 1 { format!("  {k}:{line}") } else { line });

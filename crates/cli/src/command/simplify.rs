@@ -1,8 +1,8 @@
 //! Text that `lodsmith simplify` prints.
 
-use lodsmith_asset::Outcome;
 use lodsmith_asset::report_json::cleanup;
 use lodsmith_asset::warnings::refusals;
+use lodsmith_asset::{Outcome, farthest};
 
 use crate::numbers::{counted, grouped, seconds, short};
 use crate::output::Output;
@@ -43,10 +43,12 @@ fn details(done: &Outcome) -> Vec<String> {
         done.clock.stages.iter().map(|(name, secs)| format!("{name} {secs:.3} s")).collect();
     let mut lines = vec![format!("  {}, {}", times.join(", "), counted(done.threads, "thread", "threads"))];
     lines.extend(done.written.packed.as_ref().map(sizes::packed_line));
-    let refusals = refusals(r);
-    if !refusals.is_empty() {
-        lines.push(format!("  refused: {refusals}"));
-    }
+    lines.extend(farthest::text_of_run(r, &done.meshes).map(|text| format!("  largest distance {text}")));
+    let (stopped_by, refusals) = (r.stopped_by.name().replace('_', " "), refusals(r));
+    lines.push(match &*refusals {
+        "" => format!("  stopped by {stopped_by}"),
+        _ => format!("  stopped by {stopped_by}; refused: {refusals}"),
+    });
     let repaired: Vec<String> = cleanup(r)
         .into_iter()
         .filter(|(_, n)| *n > 0)
