@@ -555,6 +555,16 @@ typedef struct lodsmith_report {
   size_t proposals;
   // Time of the run in seconds.
   double seconds;
+  // Collapses refused by the stop at an error: with them the result would be farther from the input.
+  uint64_t refused_by_error;
+  // 1 if there is a largest measured distance above 0, whose place is below, else 0.
+  int32_t has_max_point;
+  // 1 if that place is on the input, 0 if it is on the result.
+  int32_t is_max_on_input;
+  // The place where the measured distance is largest.
+  double max_point[3];
+  // The point of the other surface that is nearest to it.
+  double max_nearest[3];
 } lodsmith_report;
 
 #ifdef __cplusplus

@@ -1,6 +1,6 @@
 //! `lodsmith_result`, its accessors, and `lodsmith_report`.
 
-use lodsmith::{Simplified, StoppedBy};
+use lodsmith::{Refusal, Simplified, StoppedBy};
 use lodsmith_core::measure::TwoWay;
 use lodsmith_core::{Semantic, TriMesh, WedgeId};
 
@@ -93,6 +93,16 @@ pub struct LodsmithReport {
     pub proposals: usize,
     /// Time of the run in seconds.
     pub seconds: f64,
+    /// Collapses refused by the stop at an error: with them the result would be farther from the input.
+    pub refused_by_error: u64,
+    /// 1 if there is a largest measured distance above 0, whose place is below, else 0.
+    pub has_max_point: i32,
+    /// 1 if that place is on the input, 0 if it is on the result.
+    pub is_max_on_input: i32,
+    /// The place where the measured distance is largest.
+    pub max_point: [f64; 3],
+    /// The point of the other surface that is nearest to it.
+    pub max_nearest: [f64; 3],
 }
 
 // SAFETY: `repr(C)`, all fields are numbers, and the first is a `usize`.
@@ -107,6 +117,8 @@ fn distance(d: TwoWay) -> LodsmithDistance {
 fn report(result: &LodsmithResult) -> LodsmithReport {
     let r = &result.done.report;
     let measured = r.error.measured.as_ref();
+    let farthest = measured.and_then(|m| m.farthest.as_ref());
+    let refused = r.refusals.iter().find(|refused| refused.0 == Refusal::ErrorLimit);
     let (cleanup, of) = (&r.cleanup, |d: Option<TwoWay>| d.map_or_else(LodsmithDistance::default, distance));
     LodsmithReport {
         size: size_of::<LodsmithReport>(),
@@ -140,6 +152,11 @@ fn report(result: &LodsmithResult) -> LodsmithReport {
         dropped_faces: cleanup.degenerate_faces + cleanup.duplicate_faces + cleanup.non_finite_faces,
         proposals: r.proposals.len(),
         seconds: result.seconds,
+        refused_by_error: refused.map_or(0, |(_, count)| *count),
+        has_max_point: i32::from(farthest.is_some()),
+        is_max_on_input: i32::from(farthest.is_some_and(|f| f.is_forward)),
+        max_point: farthest.map_or([0.0; 3], |f| f.point),
+        max_nearest: farthest.and_then(|f| f.nearest).unwrap_or_default(),
     }
 }
 

@@ -13,6 +13,17 @@ export interface OptionChange {
   to: string;
 }
 
+/** The place of the largest distance. */
+export interface Farthest {
+  /** `forward`: the point is on the input, and far from the result; `backward`: the opposite. */
+  direction: 'forward' | 'backward';
+  point: [number, number, number];
+  /** The point of the other surface that is nearest to it; null if nothing is left of its mesh. */
+  nearest: [number, number, number] | null;
+  /** In a scene, the mesh that it belongs to, from 0; the point is in its coordinates, or in those of the file. */
+  mesh?: number;
+}
+
 /** The report of a run, with the keys of `lodsmith simplify --json`. */
 export interface Report {
   input: { faces: number; vertices: number };
@@ -28,7 +39,7 @@ export interface Report {
     estimate: number;
     /** The proven bound, if one was requested. */
     bound: number | null;
-    measured: { hausdorff: BothWays; mean: BothWays; rms: BothWays } | null;
+    measured: { hausdorff: BothWays; mean: BothWays; rms: BothWays; farthest: Farthest | null } | null;
     unit: 'model';
     /** Of the bounding box of the original. */
     diagonal: number;

@@ -425,7 +425,8 @@ def compare(reference: Any, candidate: Any, *, samples: Optional[int] = None, se
     -------
     dict
         ``hausdorff``, ``mean``, ``rms`` and ``p99``, each ``forward`` (reference to candidate), ``backward`` and
-        ``symmetric``, in the units of the meshes; ``diagonal`` of the reference; and the other keys of ``lodsmith
+        ``symmetric``, in the units of the meshes; ``farthest``, the place of the largest distance (None if that is
+        0); ``diagonal`` of the reference; and the other keys of ``lodsmith
         compare --json`` that do not need files or attributes. ``normal_mean_deg`` and ``normal_p95_deg`` repeat
         ``normal_deviation_deg``.
 
