@@ -441,7 +441,9 @@ fn shown_look(document: &Document) -> Look {
     let mut look = document.settings().look.look.clone();
     if look.shading == Shading::Heat {
         match document.distances() {
-            Some(distances) => look.heat_range = Some(error::color_range(&look, distances.largest)),
+            Some(distances) => {
+                look.heat_range = Some(error::color_range(&look, document.heat_end(distances)))
+            }
             // The distances are not known yet.
             None => look.shading = Shading::Smooth,
         }
@@ -542,6 +544,7 @@ fn overlay(
     let look = &document.settings().look.look;
     if look.shading == Shading::Heat && side == Side::Result && document.lighter().is_some() {
         let diagonal = original.content.bounds.diagonal();
-        error::legend(ui, seen, look, document.distances().map(|d| &**d), diagonal);
+        let distances = document.distances().map(|d| (&**d, document.heat_end(d)));
+        error::legend(ui, seen, look, distances, diagonal);
     }
 }

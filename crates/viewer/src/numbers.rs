@@ -1,6 +1,6 @@
 //! Formatting of numbers for display.
 
-pub use lodsmith_core::numbers::{grouped, significant};
+pub use lodsmith_core::numbers::{grouped, point, significant};
 
 /// Formats a fraction as percent: `100 %`, `12.5 %`, `0.25 %`.
 pub fn percent(share: f64) -> String {

@@ -17,7 +17,7 @@ use lodsmith_viewer::document::Document;
 use lodsmith_viewer::settings::bake::BakeSettings;
 use lodsmith_viewer::settings::playback::Playback;
 use lodsmith_viewer::settings::simplification::Simplification;
-use lodsmith_viewer::settings::{Appearance, AutoLod, Pose, Turn};
+use lodsmith_viewer::settings::{Appearance, AutoLod, HeatOf, Pose, Turn};
 
 use crate::documents::{TIMEOUT, folder_with, opened};
 
@@ -39,6 +39,29 @@ fn export(document: &mut Document, path: PathBuf, format: Format) {
     let export = Export { path, format, ascii: false, textures: Textures::Copy, levels: Vec::new() };
     document.export(export, 0.0);
     assert!(document.settle(TIMEOUT) && document.problem.is_none(), "{:?}", document.problem);
+}
+
+#[test]
+fn the_heat_map_ends_at_the_error_of_the_target() {
+    let folder = folder();
+    let mut document = opened(&folder.path().join("torus.obj"));
+    document.set_wanted_results(true, false);
+    let diagonal = document.original().unwrap().content.bounds.diagonal();
+    document.run(Command::Target(SimplifyTarget::Ratio(0.2)));
+    assert!(document.settle(TIMEOUT));
+    let distances = document.distances().unwrap().clone();
+    assert_eq!((document.error_limit(), document.heat_end(&distances)), (None, distances.largest));
+    document.run(Command::Target(SimplifyTarget::Error(0.01)));
+    assert!(document.settle(TIMEOUT));
+    let distances = document.distances().unwrap().clone();
+    let limit = 0.01 * diagonal;
+    assert_eq!((document.error_limit(), document.heat_end(&distances)), (Some(limit), limit));
+    assert!(distances.largest > 0.0 && distances.largest <= limit * (1.0 + 1e-6), "{}", distances.largest);
+    // Angles have no such limit.
+    let mut look = document.settings().look.clone();
+    look.heat_of = HeatOf::Normals;
+    document.run(Command::Look(look));
+    assert_eq!(document.error_limit(), None);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use super::jobs::Job;
 use crate::content::{Distances, Original};
 use crate::gpu::shown::ShownModel;
 use crate::job::JobKind;
+use crate::settings::HeatOf;
 
 impl Document {
     /// Returns the distances between the latest result and the original, if they were measured.
@@ -16,6 +17,19 @@ impl Document {
             && Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content)
             && Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
         fits.then_some(&measured.distances)
+    }
+
+    /// Returns the error that the target allows, in the units of the scene, if it is an error and distances are shown.
+    pub fn error_limit(&self) -> Option<f64> {
+        let is_shown = self.settings.look.heat_of == HeatOf::Distance;
+        let error = self.settings.simplify.options.stop.error.filter(|_| is_shown)?;
+        Some(error.in_units(self.original_size()?.diagonal)).filter(|limit| *limit > 0.0)
+    }
+
+    /// Returns the value in the last colour of the heat map, unless the user chose it: what the target allows, else the
+    /// largest value.
+    pub fn heat_end(&self, distances: &Distances) -> f64 {
+        self.error_limit().unwrap_or(distances.largest)
     }
 
     /// Starts the job that measures the differences of both sides, if they are needed.

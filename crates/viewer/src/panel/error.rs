@@ -106,7 +106,8 @@ pub fn value_text(quantity: HeatOf, value: f64, diagonal: f64) -> String {
     }
 }
 
-/// Draws a histogram in the colours of the map. Heights are logarithmic. A drag selects the values that keep
+/// Draws a histogram in the colours of the map, and a line at the error that the target allows. Heights are logarithmic.
+/// A drag selects the values that keep
 /// their colour on the surface; a click selects all again.
 fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let all = scope.document.settings().look.clone();
@@ -119,10 +120,13 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     painter.rect_filled(rect, 3.0, p.sunken);
     let bars = rect.shrink2(Vec2::new(6.0, 6.0));
     let count = distances.histogram.len().max(1);
-    let width = bars.width() / count as f32;
+    let limit = scope.document.error_limit();
+    let most = axis_end(distances.largest, limit);
+    let x_of = |value: f64| bars.left() + bars.width() * (value / most.max(1e-300)) as f32;
+    let width = (x_of(distances.largest) - bars.left()).max(1.0) / count as f32;
     let height = |n: u32| (f64::from(n) + 1.0).ln() as f32;
     let highest = distances.histogram.iter().copied().map(height).fold(1e-6, f32::max);
-    let [low, high] = color_range(look, distances.largest);
+    let [low, high] = color_range(look, scope.document.heat_end(distances));
     let step = distances.largest / count as f64;
     let brushed = look.heat_brush.map(|brush| brushed_bars(brush, step, count));
     for (i, &n) in distances.histogram.iter().enumerate() {
@@ -133,6 +137,10 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
         let top = bars.bottom() - bars.height() * height(n) / highest;
         let bar = Rect::from_min_max(pos2(x, top), pos2(x + width - 1.0, bars.bottom()));
         painter.rect_filled(bar, 0.0, if is_in { color } else { p.weak.gamma_multiply(0.4) });
+    }
+    if let Some(limit) = limit {
+        let x = x_of(limit);
+        painter.line_segment([pos2(x, rect.top() + 2.0), pos2(x, rect.bottom() - 2.0)], (1.0, p.text));
     }
     let bar_at = |x: f32| ((x - bars.left()) / width).clamp(0.0, count as f32 - 1.0) as usize;
     let interval = |from: usize, to: usize| {
@@ -152,13 +160,21 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
         let i = bar_at(pointer.x);
         response.on_hover_text(interval(i, i));
     }
-    let [zero, most] = ["0".to_owned(), significant(distances.largest, 3)];
+    let [zero, most] = ["0".to_owned(), significant(most, 3)];
     ui.horizontal(|ui| {
         ui.label(weak(ui, zero).small());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(weak(ui, most).small())
         });
     });
+    if let Some(limit) = limit {
+        ui.label(weak(ui, format!("The line is the error limit, {}", significant(limit, 3))).small());
+    }
+}
+
+/// Returns the value at the right end of the histogram: the largest, or the error limit if that is larger.
+fn axis_end(largest: f64, limit: Option<f64>) -> f64 {
+    limit.map_or(largest, |limit| limit.max(largest))
 }
 
 /// Returns the bars within a brush.
@@ -205,26 +221,32 @@ fn brush(
 /// Draws the field for the upper end of the colour range.
 fn range(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let mut look = scope.document.settings().look.clone();
-    let largest = distances.largest as f32;
-    widgets::field(ui, "Range maximum", "Value shown in the last colour; Auto uses the largest", |ui| {
-        let mut high = color_range(&look.look, distances.largest)[1];
-        let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
-        if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {
-            look.look.heat_range = Some([0.0, high]);
-        }
-        let is_set = look.look.heat_range.is_some();
-        if ui.add_enabled(is_set, egui::Button::new("Auto")).clicked() {
-            look.look.heat_range = None;
-        }
-    });
+    let end = scope.document.heat_end(distances);
+    let largest = end as f32;
+    widgets::field(
+        ui,
+        "Range maximum",
+        "Value shown in the last colour; Auto uses the error limit of the target, else the largest value",
+        |ui| {
+            let mut high = color_range(&look.look, end)[1];
+            let drag = egui::DragValue::new(&mut high).range(largest * 1e-4..=largest * 10.0);
+            if ui.add(drag.speed(largest * 0.005).custom_formatter(|x, _| significant(x, 3))).changed() {
+                look.look.heat_range = Some([0.0, high]);
+            }
+            let is_set = look.look.heat_range.is_some();
+            if ui.add_enabled(is_set, egui::Button::new("Auto")).clicked() {
+                look.look.heat_range = None;
+            }
+        },
+    );
     if look != scope.document.settings().look {
         scope.command(Command::Look(look));
     }
 }
 
-/// Returns the range of the colour map.
-pub fn color_range(look: &Look, largest: f64) -> [f32; 2] {
-    look.heat_range.unwrap_or([0.0, largest as f32])
+/// Returns the range of the colour map, which ends at `end` unless the user chose it.
+pub fn color_range(look: &Look, end: f64) -> [f32; 2] {
+    look.heat_range.unwrap_or([0.0, end as f32])
 }
 
 fn of_map(map: ColorMap, t: f32) -> Color32 {
@@ -232,12 +254,12 @@ fn of_map(map: ColorMap, t: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// Draws the legend of the heat map over a picture.
-pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<&Distances>, diagonal: f64) {
-    let Some(distances) = distances else {
+/// Draws the legend of the heat map over a picture, whose colours end at a value unless the user chose it.
+pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<(&Distances, f64)>, diagonal: f64) {
+    let Some((distances, end)) = distances else {
         return scale(ui, picture, look.color_map, ["Measuring…".into(), String::new()]);
     };
-    let [low, high] = color_range(look, distances.largest);
+    let [low, high] = color_range(look, end);
     let figure = |x: f32| significant(f64::from(x), 2);
     let most = match distances.quantity {
         HeatOf::Distance => {
@@ -284,6 +306,11 @@ mod tests {
         assert_eq!(brushed_bars([0.5, f32::MAX], 0.25, 8), 2..8);
         assert_eq!(brushed_bars([9.0, 12.0], 0.25, 8), 7..8, "beyond the largest value of a closer result");
         assert_eq!(brushed_bars([0.0, 1.0], 0.0, 8), 0..1);
+    }
+
+    #[test]
+    fn the_histogram_reaches_to_the_error_limit() {
+        assert_eq!([None, Some(0.5), Some(3.0)].map(|limit| axis_end(2.0, limit)), [2.0, 2.0, 3.0]);
     }
 
     #[test]

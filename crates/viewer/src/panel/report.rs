@@ -8,7 +8,7 @@ use super::{PanelContext, UiRequest, widgets};
 use crate::command::Command;
 use crate::content::Lighter;
 use crate::document::log::Severity;
-use crate::numbers::{grouped, percent, seconds, significant};
+use crate::numbers::{grouped, percent, point, seconds, significant};
 use crate::panel::keys::Action;
 use crate::settings::bake::BakeSettings;
 use crate::settings::simplification::{Simplification, quoted};
@@ -35,6 +35,9 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         Some(m) => {
             widgets::value_row(ui, "RMS error (measured)", share(m.rms.symmetric));
             widgets::value_row(ui, "Max error (measured)", share(m.hausdorff.symmetric));
+            if let Some((name, place)) = farthest_texts(r, &lighter) {
+                widgets::value_row(ui, name, &place).on_hover_text(&place);
+            }
         }
     }
     if let Some(bound) = r.error.bound {
@@ -70,12 +73,25 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     command(ui, scope);
 }
 
+/// Returns the name and the value of the row with the place of the largest distance.
+fn farthest_texts(r: &Report, lighter: &Lighter) -> Option<(&'static str, String)> {
+    let farthest = r.error.measured.as_ref()?.farthest?;
+    let name = if farthest.is_forward { "Max error at, on original" } else { "Max error at, on result" };
+    let at = point(farthest.point, r.error.diagonal);
+    let mesh = r.error.farthest_part.filter(|_| lighter.counts.len() > 1);
+    Some(match mesh.and_then(|mesh| lighter.model.meshes.get(mesh)) {
+        Some(mesh) => (name, format!("{at}, in {}", mesh.name)),
+        None => (name, at),
+    })
+}
+
 /// Returns why the run ended.
 fn end_text(r: &Report) -> String {
     match (r.reached, r.stopped_by) {
         (true, StoppedBy::Faces | StoppedBy::Ratio) => format!("Reached {} faces", grouped(r.faces)),
         (true, StoppedBy::Vertices) => format!("Reached {} vertices", grouped(r.vertices)),
         (true, StoppedBy::Error) => "Reached the error limit".to_owned(),
+        (true, StoppedBy::Refusals) => "Within the error limit: no further collapse is allowed".to_owned(),
         (true, _) => "Target reached".to_owned(),
         (false, StoppedBy::Refusals) => "Target not reached: no further collapse is allowed".to_owned(),
         (false, StoppedBy::Exhausted) => {
