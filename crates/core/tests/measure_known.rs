@@ -190,7 +190,7 @@ fn distance_by_brute_force(p: [f64; 3], mesh: &Mesh) -> f64 {
             let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
             p.distance(a + (b - a) * along)
         };
-        let normal = (b - a).cross(c - a).normalize();
+        let normal = (b - a).cross(c - a).normalize_or_zero();
         let is_over =
             [(a, b), (b, c), (c, a)].iter().all(|(a, b)| (*b - *a).cross(p - *a).dot(normal) >= 0.0);
         if is_over { (p - a).dot(normal).abs() } else { side(a, b).min(side(b, c)).min(side(c, a)) }
