@@ -4,6 +4,7 @@
     bench/tolerance.py --quick                                   # one model of testdata
     bench/tolerance.py --models FOLDER [--page]                  # the tables; --page writes them into the page
     bench/tolerance.py FILE... [--tools lodsmith,meshlab] [--shares 0.1,1]
+    bench/tolerance.py --picture docs/pictures/tolerance.png     # the picture of the README, by `lodsmith render`
 
 Needs Python with numpy, trimesh and libigl; peers that cannot be imported or built are left out and named: pymeshlab,
 bpy (Blender), fast-simplification, manifold3d; a C++ compiler with CGAL for tolerance_cgal.cpp, and for meshoptimizer
@@ -14,7 +15,7 @@ Lodsmith runs once with `--error E`. For the others the setting is bisected: the
 below the one before, or the tool's own error, each level 2 % above the one before; since distances do not rise
 monotonically, the levels 2 and 4 beyond the result are tried too. (The envelope of CGAL is slow: its width is one of
 eleven, from E / 4 to 1.4 E.) A result counts if one judge, the same for all tools, finds no point of either surface
-farther than E from the other: 50,000 random points uniform in area, all vertices, and the centres of all edges and
+farther than E from the other: 20,000 random points uniform in area, all vertices, and the centres of all edges and
 faces, by libigl. Single precision (1e-7 of the diagonal) is allowed for.
 
 Times: `run` is one run at the found setting, `search` all runs that the bisection of this case needs, without the
@@ -43,22 +44,21 @@ BUILT = ROOT / "target" / "tolerance"
 PAGE = ROOT / "docs" / "tolerance.md"
 SAMPLE = ROOT / "testdata" / "finial.ply"
 SHARES = [0.05, 0.1, 0.3, 1.0]
-POINTS = 50_000
+POINTS = 20_000
 ROUNDING = 1e-7
-# Models of the folder that docs/benchmarks.md describes: kind and file.
+# Models of the folder: CAD parts, game assets, a statue, characters, terrain and a scan.
 MODELS = [
-    ("scan", "off/bunny.off"),
-    ("scan", "scan/hammer.obj"),
-    ("scan", "terrain/mountains.off"),
-    ("statue", "found/fertility.off"),
-    ("CAD", "cad/fandisk.off"),
-    ("CAD", "cad/wingnut.obj"),
-    ("CAD", "cad/featuretype.stl"),
-    ("CAD", "cad/plate_holes.stl"),
-    ("character", "obj/homer.obj"),
-    ("game asset", "gltf/CesiumMan.glb"),
-    ("game asset", "gltf/chest_gold.glb"),
-    ("low-poly", "gltf/cakeBirthday.glb"),
+    "cad/plate_holes.stl",
+    "gltf/cakeBirthday.glb",
+    "cad/featuretype.stl",
+    "cad/fandisk.off",
+    "found/fertility.off",
+    "gltf/CesiumMan.glb",
+    "obj/homer.obj",
+    "gltf/chest_gold.glb",
+    "cad/wingnut.obj",
+    "terrain/mountains.off",
+    "off/bunny.off",
 ]
 
 
@@ -70,9 +70,10 @@ class NotTaken(Exception):
 
 
 def cleaned(vertices, faces):
-    """Merges equal positions; drops faces without area, doubled faces and unused vertices."""
-    vertices, index = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)
-    faces = index.reshape(-1)[faces]
+    """Merges equal positions; drops faces without area, doubled faces and unused vertices. Keeps the order."""
+    vertices = vertices.astype(np.float32)
+    _, first, index = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    faces = first[index.reshape(-1)][faces]
     corners = vertices[faces].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     faces = faces[area > 0]
@@ -356,6 +357,10 @@ TOOLS = {
     "fast": ("fast-simplification", FastSimplification, "fast-simplification"),
 }
 OURS = "lodsmith"
+# The picture: tools with the captions below them, and the limit in percent of the diagonal.
+PICTURED = [("lodsmith", "Lodsmith"), ("cgal", "CGAL"), ("blender", "Blender"), ("meshopt-update", "meshoptimizer")]
+PICTURED_SHARE = "0.3"
+COLOURS = 128
 
 
 # The search
@@ -434,6 +439,8 @@ def cases(options):
                 else:
                     found = runs.run(setting)
                     row |= {"faces": found["faces"], "distance": found["distance"] / limit, "run_s": found["s"]}
+                    if options.save:
+                        write_ply(options.save, *found["mesh"])
                 if tool.by in ("error", "width"):
                     own = runs.run(limit)
                     if not own["whole"]:
@@ -472,8 +479,7 @@ def run_all(options, files, tools):
         base = {"model": path.stem, "tool": tool}
         return found + [base | {"share": s, "failed": reason} for s in missing if s in left]
 
-    # The slowest models last; all tools of a model together.
-    jobs = [(tool, path) for path in sorted(files, key=lambda p: p.stat().st_size) for tool in tools]
+    jobs = [(tool, path) for path in files for tool in tools]
     results.parent.mkdir(parents=True, exist_ok=True)
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool, results.open("a") as log:
         for future in concurrent.futures.as_completed([pool.submit(one, job) for job in jobs]):
@@ -564,6 +570,24 @@ def tables(rows, files, tools, shares):
     return "\n".join(lines) + "\n"
 
 
+def picture(options):
+    """Renders the sample and the results of some tools at one limit side by side."""
+    with tempfile.TemporaryDirectory() as folder:
+        panels = [pathlib.Path(folder) / "original"]
+        panels[0].write_bytes(SAMPLE.read_bytes())
+        for tool, name in PICTURED:
+            panels.append(pathlib.Path(folder) / name)
+            command = [sys.executable, __file__, SAMPLE, "--one", tool, "--lodsmith", options.lodsmith, "--shares", PICTURED_SHARE,
+                       "--meshoptimizer", options.meshoptimizer or "", "--save", panels[-1]]
+            subprocess.run(command, check=True)
+        look = ["--wireframe", "--wire-width", "0.7", "--shading", "flat", "--color", "#d9a45b", "--background", "#2b3038"]
+        view = ["--azimuth", "0", "--elevation", "14", "--size", "236x400", "--columns", str(len(panels))]
+        subprocess.run([options.lodsmith, "render", *panels, *look, *view, "--fine", "-o", options.picture, "--force"], check=True)
+    from PIL import Image
+
+    Image.open(options.picture).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(options.picture, optimize=True)
+
+
 def versions(tools):
     told = []
     for tool in tools:
@@ -606,15 +630,19 @@ def main():
     parser.add_argument("--shares", type=lambda t: [float(s) for s in t.split(",")], default=SHARES)
     parser.add_argument("--limit", type=float, default=600, help="seconds for one tool on one model, all limits together")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--picture", type=pathlib.Path)
+    parser.add_argument("--save", type=pathlib.Path, help=argparse.SUPPRESS)
     parser.add_argument("--one", choices=list(TOOLS), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
         return cases(options)
+    if options.picture:
+        return picture(options)
     files = list(options.files)
     if options.models or options.quick:
         files.append(SAMPLE)
     if options.models:
-        files += [options.models / name for _, name in MODELS]
+        files += [options.models / name for name in MODELS]
     if options.quick:
         options.shares = [0.3]
         options.results = pathlib.Path(tempfile.mkdtemp()) / "results.jsonl"
