@@ -21,6 +21,7 @@ use serde_json::Value;
 const HELP: &str = "\
 cargo xtask bench [rivals|attributes|cluster|cluster_lod|io_speed|memory|render|progressive|all] [OPTIONS]   compares Lodsmith with other libraries (needs a C++ compiler)
 cargo xtask bench page [--models FOLDER] [--lab FOLDER]    writes the tables of docs/benchmarks.md anew; with --lab also those of accuracy
+cargo xtask bench tolerance [--quick] [--models FOLDER] [--page] [FILE...]   runs bench/tolerance.py: the fewest triangles of each tool within a distance (needs Python)
 cargo xtask bench accuracy FOLDER [--page FILE]            makes the tables of accuracy from the results of a benchmark lab
 cargo xtask corpus [DIR...] [--limit SECONDS] [--only TEXT] [--largest FACES]   runs the release command on every model in the folders; does not measure errors of larger models
 cargo xtask corpus [DIR...] --methods [--largest FACES] [...]   runs every method on every model of at most this size
@@ -148,6 +149,9 @@ fn bench(args: &[String]) -> Result<()> {
     if let Some(("page", rest)) = args.split_first().map(|(first, rest)| (first.as_str(), rest)) {
         return page(rest);
     }
+    if let Some(("tolerance", rest)) = args.split_first().map(|(first, rest)| (first.as_str(), rest)) {
+        return tolerance(rest);
+    }
     let (which, rest) = match args.split_first() {
         Some((first, rest)) if ["all"].iter().chain(BENCHES).any(|known| known == first) => {
             (first.as_str(), rest)
@@ -174,6 +178,13 @@ fn bench(args: &[String]) -> Result<()> {
         succeed(&mut command)?;
     }
     Ok(())
+}
+
+/// Runs the comparison of tools within a distance, with the Python of the environment.
+fn tolerance(args: &[String]) -> Result<()> {
+    let mut command = Command::new("python3");
+    command.current_dir(root()).arg("bench/tolerance.py").arg("--lodsmith").arg(release_command()?);
+    succeed(command.args(args.iter().map(|argument| absolute_path(argument))))
 }
 
 /// Writes the generated sections of docs/benchmarks.md: those of the lab, if its results are given, and those of

@@ -1,4 +1,4 @@
-//! Renders the pictures of the sample model: at decreasing face counts for the README, as a chain of levels, with each
+//! Renders the pictures of the sample model: at decreasing face counts, as a chain of levels, with each
 //! method at one count, and in every shading. They are rendered on the CPU: the same everywhere, without a driver. The
 //! screenshots of the viewer need a graphics adapter; a software renderer suffices.
 
@@ -21,7 +21,7 @@ use lodsmith_render::{
 
 use crate::{root, sample};
 
-/// The picture of the README, from the root of the repository.
+/// The picture of docs/simplify.md, from the root of the repository.
 const FINIAL: &str = "docs/pictures/finial.png";
 /// One model in every shading.
 const SHADINGS: &str = "docs/pictures/shadings.png";
@@ -82,7 +82,7 @@ fn method(name: &str) -> Option<MethodKind> {
     MethodKind::ALL.into_iter().find(|m| m.name() == name)
 }
 
-/// Renders the picture of the README.
+/// Renders the sample at decreasing face counts.
 fn finial(original: &TriMesh) -> Result<()> {
     let mut panels = vec![panel(original, vec!["original".to_owned()])?];
     for count in COUNTS {
