@@ -14,7 +14,7 @@ Each case is a model and a limit E, a share of the diagonal of its bounding box.
 Lodsmith runs once with `--error E`. For the others the setting is bisected: the number of triangles, each level 2 %
 below the one before, or the tool's own error, each level 2 % above the one before; since distances do not rise
 monotonically, two coarser levels (3 and 5 beyond) are tried too. Only the result is judged by all points, the levels on the
-way by each 16th; if it fails, the next finer levels are judged. (The envelope of CGAL is slow: its width is one of
+way by each 16th; if it fails, finer levels are judged by all. (The envelope of CGAL is slow: its width is one of
 eleven, from E / 4 to 1.4 E.) A result counts if one judge, the same for all tools, finds no point of either surface
 farther than E from the other: 20,000 random points uniform in area, all vertices, and the centres of all edges and
 faces, by libigl. Single precision (1e-7 of the diagonal) is allowed for.
@@ -430,8 +430,13 @@ def search(runs, levels, limit):
         for further in (low + 3, low + 5):
             if further < len(levels) and within(further, SPOT):
                 low = further
+    # Back in growing steps, then bisect the last one.
+    high, step = low + 1, 1
     while low >= 0 and not within(low, 1):
-        low -= 1
+        low, high, step = max(-1, low - step), low, 2 * step
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if within(middle, 1) else (low, middle)
     return (levels[low] if low >= 0 else None), tried
 
 
@@ -476,7 +481,7 @@ def run_all(options, files, tools):
     def one(job):
         tool, path = job
         missing = [s for s in options.shares if (path.stem, tool, s) not in done]
-        if not missing:
+        if not missing or options.only_tables:
             return []
         command = [sys.executable, __file__, path, "--one", tool, "--lodsmith", options.lodsmith, "--shares",
                    ",".join(map(str, missing)), "--meshoptimizer", options.meshoptimizer or ""]
@@ -646,6 +651,7 @@ def main():
     parser.add_argument("--shares", type=lambda t: [float(s) for s in t.split(",")], default=SHARES)
     parser.add_argument("--limit", type=float, default=600, help="seconds for one tool on one model, all limits together")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--only-tables", action="store_true", help="run nothing: tables from what --results has")
     parser.add_argument("--picture", type=pathlib.Path)
     parser.add_argument("--save", type=pathlib.Path, help=argparse.SUPPRESS)
     parser.add_argument("--one", choices=list(TOOLS), help=argparse.SUPPRESS)
