@@ -58,8 +58,8 @@ def type_of(option):
 def keyword(option):
     kind, default = type_of(option), option["default"]
     value = "..." if default is None else default if option["kind"] == "seed" else f'"{default}"'
-    # Presets set these two options.
-    if option["name"] in ("border", "topology") or default is None:
+    # Presets set these options.
+    if option["name"] in ("border", "topology", "effort") or default is None:
         return f"{option['name']}: Optional[{kind}] = ..."
     return f"{option['name']}: {kind} = {value}"
 

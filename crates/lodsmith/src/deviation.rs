@@ -163,10 +163,15 @@ impl InputComparer {
     /// Returns the two-way RMS distance of a result, by this many samples in each direction; infinite if it
     /// has no face.
     pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
+        self.sampled(mesh, samples).map_or(f64::INFINITY, |found| found.rms.symmetric)
+    }
+
+    /// Measures a result by this many samples in each direction; `None` if it has no face.
+    pub(crate) fn sampled(&self, mesh: &TriMesh, samples: usize) -> Option<Comparison> {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);
-        let rms = |PreparedResult(made)| compare_prepared(&self.reference, &made, &options).rms.symmetric;
-        PreparedResult::new(mesh).map_or(f64::INFINITY, rms)
+        PreparedResult::new(mesh)
+            .map(|PreparedResult(made)| compare_prepared(&self.reference, &made, &options))
     }
 
     fn compare(&self, result: &Prepared) -> Comparison {

@@ -4,6 +4,7 @@
 //! order the input                                                                  (this file, collapse/order)
 //! make passes until the stop of the options is met
 //!     a count    one pass; if it contracted pairs, one without them too            (this file)
+//!                effort `best`: then passes under limits below its largest error   (best)
 //!     an error   one run whose every collapse is tested                            (bounded)
 //!                for other methods passes to several counts, or step limits        (within, level_search)
 //!     a chain    a pass to each level, with a common start                         (chain)
@@ -15,6 +16,7 @@
 //! a run of the engine: start, sweep, fit, build the mesh                           (trunk, start, result)
 //! ```
 
+mod best;
 mod bounded;
 mod chain;
 mod closest;
@@ -141,12 +143,16 @@ impl Run<'_, '_> {
             let mut options = self.options.clone();
             options.method = options.method.with_pairs(None);
             let (input, goal, constraints) = (self.input, self.goal, self.constraints);
-            let (pass, step, is_traced) = (self.pass, self.step, self.is_traced);
+            let (pass, step, is_traced, fits) = (self.pass, self.step, self.is_traced, self.fits);
             let ordered = &mut *self.ordered;
             let mut other =
-                Run { input, options: &options, ordered, goal, constraints, pass, step, is_traced };
+                Run { input, options: &options, ordered, goal, constraints, pass, step, is_traced, fits };
             let without = other.run_pass(goal, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control);
+        }
+        if self.is_best() && outcome.end == StopReason::Goal {
+            outcome = with_metric!(self.options.method.kind(), METRIC => self.best(METRIC, outcome, control))
+                .expect("only methods that collapse edges have an effort")?;
         }
         let comparer =
             if deviation::needs_measurement(self.options) { self.input_comparer(control) } else { None };

@@ -9,6 +9,7 @@ mod cluster_lod;
 mod contract;
 mod correspondence;
 mod cracks;
+mod effort;
 mod error;
 mod golden;
 mod guards;

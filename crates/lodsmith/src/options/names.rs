@@ -1,6 +1,6 @@
 //! Names of option values, as on the command line.
 
-use super::{BorderPolicy, Bound, Fit, MethodKind, Placement, Preset, TopologyPolicy};
+use super::{BorderPolicy, Bound, Effort, Fit, MethodKind, Placement, Preset, TopologyPolicy};
 
 /// Implements `ALL` and `name` for enums.
 macro_rules! name_values {
@@ -34,6 +34,7 @@ name_values! {
         Remesh = "remesh",
     }
     Fit { Auto = "auto", On = "on", Off = "off" }
+    Effort { Default = "default", Best = "best", Auto = "auto" }
     Placement { Optimal = "optimal", Endpoint = "endpoint", Midpoint = "midpoint" }
     BorderPolicy { Keep = "keep", Slide = "slide", Lock = "lock", Free = "free" }
     TopologyPolicy { Relaxed = "relaxed", Preserve = "preserve", Free = "free" }

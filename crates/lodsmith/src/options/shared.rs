@@ -1,7 +1,9 @@
 //! Table of the methods that each shared option applies to: setting an option that the method does not have is
 //! an error.
 
-use super::{BorderPolicy, Fit, Guards, Method, MethodKind, Placement, SimplifyOptions, TopologyPolicy};
+use super::{
+    BorderPolicy, Effort, Fit, Guards, Method, MethodKind, Placement, SimplifyOptions, TopologyPolicy,
+};
 use crate::SimplifyError;
 use crate::input::MeshData;
 
@@ -65,13 +67,14 @@ impl SimplifyOptions {
     }
 
     /// Returns the options that most methods share: name, whether the option is set, and the methods that have it.
-    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 10] {
+    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 11] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
             ("placement midpoint", self.placement == Placement::Midpoint, PLACING_METHODS),
             ("placement endpoint", self.placement == Placement::Endpoint, SUBSET_METHODS),
             ("fit on", self.fit == Fit::On, PLACING_METHODS),
+            ("effort best", self.effort == Effort::Best, COLLAPSE_METHODS),
             ("border slide", self.border == BorderPolicy::Slide, BORDER_METHODS),
             ("border lock", self.border == BorderPolicy::Lock, BORDER_METHODS),
             ("max-normal", max_normal_deg.is_some(), NORMAL_GUARDED_METHODS),

@@ -78,7 +78,7 @@ impl Run<'_, '_> {
     }
 
     /// Sweeps without a limit as far as samples stay well within it. Also returns true if the caller ends the run.
-    fn start_within<M: Metric>(
+    pub(super) fn start_within<M: Metric>(
         &mut self,
         metric: M,
         limit: f64,
@@ -138,7 +138,7 @@ impl Run<'_, '_> {
     }
 
     /// Sweeps under a limit.
-    fn sweep_bounded<M: Metric>(
+    pub(super) fn sweep_bounded<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
         (limit, dense): (f64, &[FaceId]),

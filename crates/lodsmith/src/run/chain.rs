@@ -30,7 +30,7 @@ use crate::control::{Control, ProgressShare, Stage};
 use crate::cost::metric::{Metric, with_metric};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
-use crate::options::{MethodKind, SimplifyOptions, Stop, TopologyPolicy};
+use crate::options::{Effort, MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 
 /// For each level, starting with the input, the vertex of the next level that each of its vertices was merged
 /// into; [`NONE`](crate::collapse::order::NONE) if its part was removed.
@@ -46,7 +46,8 @@ fn passes_of(method: MethodKind) -> Option<Passes> {
 
 /// True if one run makes all levels.
 pub(crate) fn is_chained(options: &SimplifyOptions, stops: &[Stop]) -> bool {
-    passes_of(options.method.kind()).is_some() && !options.escalate && stops.iter().all(|s| s.error.is_none())
+    let is_plain = !options.escalate && options.effort != Effort::Best;
+    passes_of(options.method.kind()).is_some() && is_plain && stops.iter().all(|s| s.error.is_none())
 }
 
 /// Runs on an ordered input to one stop after another, each a count below the previous one. With `is_traced`, returns the mergers.

@@ -79,6 +79,8 @@ pub(crate) struct Run<'a, 'b> {
     pub(crate) step: Option<f64>,
     /// True if outcomes include the origin of their vertices.
     pub(crate) is_traced: bool,
+    /// Number of final fits.
+    pub(super) fits: usize,
 }
 
 impl<'a, 'b> Run<'a, 'b> {
@@ -91,7 +93,7 @@ impl<'a, 'b> Run<'a, 'b> {
         pass: Pass,
     ) -> Self {
         let goal = goal(options, input.surface.triangles().len());
-        Self { input, options, ordered, goal, constraints, pass, step: None, is_traced: false }
+        Self { input, options, ordered, goal, constraints, pass, step: None, is_traced: false, fits: 1 }
     }
 }
 

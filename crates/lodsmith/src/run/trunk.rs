@@ -2,6 +2,7 @@
 
 use std::rc::Rc;
 
+use glam::Vec3;
 use lodsmith_core::mesh::weld;
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{TriMesh, VertexId};
@@ -14,14 +15,16 @@ use crate::attributes::normals::{self, Homes};
 use crate::attributes::recolor::{self, OwnParts};
 use crate::collapse::components;
 use crate::collapse::cut::may_cut;
+use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
 use crate::collapse::ordered_input::{KeptInput, OriginalInput};
+use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
 use crate::collapse::{Engine, Goal, LiveMesh, StopReason, Sweeps};
 use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::cost::guard::Rules;
-use crate::cost::metric::Metric;
+use crate::cost::metric::{Metric, VertexMemory};
 use crate::fit::{self, MoveGuards};
 use crate::methods::transfer::transfer_to_mesh;
 use crate::options::TopologyPolicy;
@@ -243,33 +246,20 @@ impl Run<'_, '_> {
     /// frame. `away` is its estimate from the costs: too large by about 1.8, as measured on eight models at
     /// 50 to 1 %.
     fn fit<M: Metric>(&self, mesh: &mut LiveMesh<M>, root: &Root, home: &[VertexId], away: f64) -> f64 {
+        for _ in 1..self.fits {
+            self.fit_positions(mesh, root, home, away, None);
+        }
         let mut attributes = mesh.values.attributes.take();
-        let store = &mut mesh.store;
+        let store = &mesh.store;
         let mut values = match (&root.originals, &mut attributes, &store.wedges) {
             (Some(originals), Some(attributes), Some(wedges)) => {
                 Some(fit::Values::new(originals, attributes, wedges.clone(), away))
             }
             _ => None,
         };
-        let before: Vec<_> = match values.is_some() || mesh.bounded.is_some() {
-            true => store.v.iter().map(|x| (x.p, x.kind)).collect(),
-            false => Vec::new(),
-        };
-        let guards =
-            MoveGuards::new(&Rules::new(self.options, self.ordered.frame, self.ordered.diagonal), store);
-        let guards = guards.as_ref();
-        let original = self.source(root);
-        let fitted = match original.looked_up(store.t.len()) {
-            Some(mut given) => fit::fit(store, &mut given, home, away, values.as_mut(), guards, M::tensor),
-            None => original.visit(|points, faces| {
-                let mut kept = KeptInput { points, faces };
-                fit::fit(store, &mut kept, home, away, values.as_mut(), guards, M::tensor)
-            }),
-        };
-        if mesh.bounded.is_some() {
-            mesh.hold_back(&before);
-        }
-        if let Some(values) = values {
+        let before = values.is_some().then(|| places(store));
+        let fitted = self.fit_positions(mesh, root, home, away, values.as_mut());
+        if let (Some(values), Some(before)) = (values, before) {
             let store = &mesh.store;
             values.solve(|face, k| {
                 let v = store.t[face][k];
@@ -280,4 +270,37 @@ impl Run<'_, '_> {
         mesh.values.attributes = attributes;
         fitted.rms
     }
+
+    /// Moves the vertices once, as far as a limit allows, and passes the samples to `values`, if given.
+    fn fit_positions<M: Metric>(
+        &self,
+        mesh: &mut LiveMesh<M>,
+        root: &Root,
+        home: &[VertexId],
+        away: f64,
+        values: Option<&mut fit::Values<'_>>,
+    ) -> fit::Fitted {
+        let store = &mut mesh.store;
+        let before = mesh.bounded.is_some().then(|| places(store));
+        let guards =
+            MoveGuards::new(&Rules::new(self.options, self.ordered.frame, self.ordered.diagonal), store);
+        let guards = guards.as_ref();
+        let original = self.source(root);
+        let fitted = match original.looked_up(store.t.len()) {
+            Some(mut given) => fit::fit(store, &mut given, home, away, values, guards, M::tensor),
+            None => original.visit(|points, faces| {
+                let mut kept = KeptInput { points, faces };
+                fit::fit(store, &mut kept, home, away, values, guards, M::tensor)
+            }),
+        };
+        if let Some(before) = before {
+            mesh.hold_back(&before);
+        }
+        fitted
+    }
+}
+
+/// Returns the positions and kinds of all vertices.
+fn places<Q: VertexMemory>(store: &Store<Q>) -> Vec<(Vec3, Kind)> {
+    store.v.iter().map(|x| (x.p, x.kind)).collect()
 }

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use super::entry::{NamedOption, OptionGroup, OptionKind, Range};
 use super::value::{LengthRange, OptionValue};
 use crate::options::{
-    AttributeWeights, BorderPolicy, Bound, Fit, Measure, Method, MethodKind, Placement, Preset, Remesh,
-    RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
+    AttributeWeights, BorderPolicy, Bound, Effort, Fit, Measure, Method, MethodKind, Placement, Preset,
+    Remesh, RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
 };
 use LengthRange::{FromZero, Positive, ZeroIsOff};
 use OptionGroup::{Deviation, Guards, OfMethod, Simplification, Target};
@@ -31,6 +31,10 @@ macro_rules! names_of {
 /// Bounds that can be given by name: [`Bound::Auto`] is the absence of one.
 const BOUNDS: [Bound; 3] = [Bound::Estimate, Bound::OneSided, Bound::TwoSided];
 const BOUND_NAMES: [&str; 3] = [BOUNDS[0].name(), BOUNDS[1].name(), BOUNDS[2].name()];
+
+/// Efforts that can be given by name: [`Effort::Auto`] is that of a preset.
+const EFFORTS: [Effort; 2] = [Effort::Default, Effort::Best];
+const EFFORT_NAMES: [&str; 2] = [EFFORTS[0].name(), EFFORTS[1].name()];
 
 const TURN: Range = Range {
     least: 0.0,
@@ -168,6 +172,10 @@ options! {
         |o| word(o.method.name()), |v| o.method = v.word(&MethodKind::ALL, MethodKind::name).unwrap_or_default().into();
     "fit" (names_of!(Fit)) Simplification "WHEN" "Fit the result to the original by least squares at the end"
         |o| word(o.fit.name()), |v| o.fit = v.word(&Fit::ALL, Fit::name).unwrap_or_default();
+    "effort" (OptionKind::Word(&EFFORT_NAMES)) Simplification "EFFORT"
+        "Work at a given count: one run (default), or several that bring the largest distance down (best)"
+        |o| if o.effort == Effort::Auto { None } else { word(o.effort.name()) },
+        |v| o.effort = v.word(&EFFORTS, Effort::name).unwrap_or_default();
     "placement" (names_of!(Placement)) Simplification "POSITION"
         "Position of a merged vertex: the position of least error, an end of the edge (the vertices are then a subset \
          of the vertices of the input), or the midpoint of the edge"
