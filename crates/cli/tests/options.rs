@@ -130,8 +130,8 @@ fn explicit_options_override_a_preset() {
         "temporary normals are not written"
     );
     assert!(visual != of(""));
-    assert!(of("--preset cad") == of("--border slide --topology preserve"));
-    assert!(of("--preset cad --border keep --topology relaxed") == of(""));
+    assert!(of("--preset cad") == of("--border slide --topology preserve --effort best"));
+    assert!(of("--preset cad --border keep --topology relaxed --effort default") == of(""));
 }
 
 /// The hills as OBJ, the left half in a group with a material.
