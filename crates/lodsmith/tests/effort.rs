@@ -28,11 +28,11 @@ fn the_best_result_has_a_smaller_largest_distance_at_the_same_count() {
         for stop in [Stop::ratio(0.25), Stop::vertices(mesh.vertex_count() / 8)] {
             let [plain, best] = [Effort::Default, Effort::Best].map(|effort| run(mesh, stop, effort));
             assert!(best.report.reached && best.report.stopped_by == plain.report.stopped_by);
-            let count = |done: &Simplified| match stop.vertices {
+            let size = |done: &Simplified| match stop.vertices {
                 Some(_) => done.report.vertices,
                 None => done.report.faces,
             };
-            assert!(count(&best).abs_diff(count(&plain)) <= 1);
+            assert!(size(&best).abs_diff(size(&plain)) <= 1);
             let [before, after] = [&plain, &best].map(|done| distances(mesh, &done.mesh));
             // (Compared by other samples than the run's, so with one percent of noise.)
             assert!(after.hausdorff.symmetric <= 1.01 * before.hausdorff.symmetric);
