@@ -202,7 +202,7 @@ pub enum Effort {
 impl Effort {
     /// Largest number of triangles of the input for which [`Effort::Auto`] is [`Effort::Best`]: about half a second on
     /// the processor of the benchmarks.
-    pub const MAX_SMALL_FACES: usize = 10_000;
+    pub const MAX_SMALL_FACES: usize = 5_000;
 
     /// True if inputs of this many triangles get the best result.
     pub fn is_best_for(self, faces: usize) -> bool {

@@ -20,9 +20,9 @@ use crate::cost::metric::VertexMemory;
 pub(super) const END: u32 = u32::MAX;
 /// Samples are at most this many limits apart...
 const SPACING: f64 = 6.0;
-/// ... but there are about this many for each face of the input, or on the whole of it, if its faces are large.
+/// ... but there are about this many for each face of the input, or a given number on the whole of it, if its faces are
+/// large.
 const GRID_SAMPLES_PER_FACE: f64 = 4.0;
-const MIN_GRID_SAMPLES: f64 = 180_000.0;
 /// ... and on the sides of faces at which the surface turns by more than this angle (or ends) this many times closer:
 /// that is where a result may be too far between two samples that are not. (Measured: without, four of ten runs had to be
 /// repeated.)
@@ -34,6 +34,16 @@ const MAX_GRID: usize = 256;
 const DENSER: f64 = 8.0;
 /// Part of the limit that is left for rounding to single precision, in the unit frame.
 const ROUNDING: f64 = 4e-7;
+
+/// How the faces of the input are sampled.
+#[derive(Clone, Copy)]
+pub(crate) struct Sampling<'a> {
+    /// Samples are closer together on these faces, which are sorted, the more so the more often one is listed, and they
+    /// are always tested exactly.
+    pub(crate) dense: &'a [FaceId],
+    /// Number of samples up to which they are as close together as the limit asks.
+    pub(crate) least: f64,
+}
 
 /// A sample of the input, in the list of a face of the mesh.
 #[derive(Clone, Copy)]
@@ -253,9 +263,8 @@ pub(super) fn homes<'a>(cover: &'a Cover, sample: &FaceSample) -> impl Iterator<
     vertex.into_iter().flat_map(|v| cover.around(v)).chain(face)
 }
 
-/// Samples the vertices of the input and, if faces are listed, also its faces and sharp sides: closer together on the
-/// faces listed, which are sorted, the more so the more often one is.
-fn sample_input(cover: &Cover, unit_limit: f64, dense: Option<&[FaceId]>) -> Vec<FaceSample> {
+/// Samples the vertices of the input and, if it is asked for, also its faces and sharp sides.
+fn sample_input(cover: &Cover, unit_limit: f64, sampling: Option<Sampling<'_>>) -> Vec<FaceSample> {
     let (vertex_count, face_count) = (cover.topology().vertex_count(), cover.topology().face_count());
     let mut samples = Vec::with_capacity(vertex_count + face_count);
     let mut add = |p: Vec3, home: usize| {
@@ -264,10 +273,10 @@ fn sample_input(cover: &Cover, unit_limit: f64, dense: Option<&[FaceId]>) -> Vec
     for v in (0..vertex_count).map(VertexId::new).filter(|v| cover.around(*v).next().is_some()) {
         add(cover.point(v), v.index());
     }
-    let Some(dense) = dense else { return samples };
+    let Some(Sampling { dense, least }) = sampling else { return samples };
     let faces = || (0..face_count).map(FaceId::new);
     let area: f64 = faces().map(|face| f64::from(cover.normal(face).length()) / 2.0).sum();
-    let most = MIN_GRID_SAMPLES.max(GRID_SAMPLES_PER_FACE * face_count as f64);
+    let most = least.max(GRID_SAMPLES_PER_FACE * face_count as f64);
     let spacing = (SPACING * unit_limit).max((area / most).sqrt());
     for face in faces() {
         let listed = &dense[dense.partition_point(|f| *f < face)..];
@@ -298,10 +307,8 @@ fn listed(samples: &[FaceSample], head: u32) -> impl Iterator<Item = (u32, &Face
 }
 
 impl Bounded {
-    /// Gives the samples of an input to the faces of a compact store, whose faces are named by their place. Samples are
-    /// closer together on the `dense` faces of the input, which are sorted, the more so the more often one is listed, and
-    /// those faces are always tested exactly. Without a list there are no samples, and only the result has to stay within
-    /// the limit.
+    /// Gives the samples of an input to the faces of a compact store, whose faces are named by their place. Without
+    /// samples only the result has to stay within the limit.
     ///
     /// Cost: O(n log n).
     pub(crate) fn new<Q: VertexMemory>(
@@ -309,7 +316,7 @@ impl Bounded {
         frame: UnitFrame,
         limit: f64,
         (points, faces): (&[Vec3], &[[VertexId; 3]]),
-        dense: Option<&[FaceId]>,
+        sampling: Option<Sampling<'_>>,
         store: &Store<Q>,
     ) -> Self {
         let unit_limit = (frame.unit_length(limit) - ROUNDING).max(0.0);
@@ -319,11 +326,11 @@ impl Bounded {
             Surface::new(PositionsView::F32(&positions), faces).expect("the faces of the input are sound");
         let cover = Cover::new(&surface);
         let mut is_exact = Vec::new();
-        if let Some(dense @ [_, ..]) = dense {
+        if let Some(Sampling { dense: dense @ [_, ..], .. }) = sampling {
             is_exact = vec![false; faces.len()];
             dense.iter().for_each(|face| is_exact[face.index()] = true);
         }
-        let mut samples = sample_input(&cover, unit_limit, dense);
+        let mut samples = sample_input(&cover, unit_limit, sampling);
         let tree = tree_of(store);
         let mut heads = vec![END; store.t.len()];
         let mut hint = Hint::default();
@@ -341,7 +348,7 @@ impl Bounded {
             near.max_by(|x, y| turned(x).total_cmp(&turned(y)))
         };
         let near = heads.iter().zip(&store.t).map(|x| NearInput { over: over(x), slot: u32::MAX }).collect();
-        if dense.is_none() {
+        if sampling.is_none() {
             samples.clear();
             heads.fill(END);
         }

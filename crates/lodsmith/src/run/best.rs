@@ -11,6 +11,7 @@ use lodsmith_core::measure::Comparison;
 use super::context::{Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::StopReason;
+use crate::collapse::bounded::Sampling;
 use crate::control::{Control, Stage};
 use crate::cost::metric::Metric;
 use crate::deviation::InputComparer;
@@ -22,7 +23,10 @@ const SECOND_SHARE: f64 = 0.85;
 /// Largest factor by which the mean and the RMS distance may exceed those of the plain run.
 const MAX_MEAN_FACTOR: f64 = 1.01;
 /// Samples in each direction for the comparison of results; all vertices are measured too.
-const SAMPLES: usize = 50_000;
+const SAMPLES: usize = 20_000;
+/// Number of samples of the input that a run keeps within the limit, if its faces are large. (The result is measured, so
+/// there is no need of as many as for a proof.)
+const RUN_SAMPLES: f64 = 20_000.0;
 /// Number of fits of each result. (Measured: two bring 2 % of the RMS, three another .5 %.)
 const FITS: usize = 3;
 
@@ -97,7 +101,12 @@ impl Run<'_, '_> {
             return Ok(None);
         }
         control.stage(Stage::Collapse);
-        let end = self.sweep_bounded(&mut trunk, (limit, &[]), plain.comparer, control)?;
+        let end = self.sweep_bounded(
+            &mut trunk,
+            (limit, Sampling { dense: &[], least: RUN_SAMPLES }),
+            plain.comparer,
+            control,
+        )?;
         if end != StopReason::Goal {
             return Ok(None);
         }

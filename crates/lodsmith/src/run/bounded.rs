@@ -10,12 +10,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use lodsmith_core::measure::Prepared;
-use lodsmith_core::{FaceId, PositionsView, Surface};
+use lodsmith_core::{PositionsView, Surface};
 
 use super::context::{Finished, Run, RunOutcome, TopologyChanges};
 use super::trunk::Trunk;
 use crate::SimplifyError;
-use crate::collapse::bounded::Bounded;
+use crate::collapse::bounded::{Bounded, Sampling};
 use crate::collapse::{Engine, Goal, Pause, StopReason};
 use crate::control::{Control, Stage};
 use crate::cost::metric::Metric;
@@ -28,6 +28,8 @@ const START_STEP: f64 = 0.6;
 /// ... at which samples are within this share of the limit. (Measured on bunny, horse and nefertiti: .3 to .7 give
 /// equal counts within 3 %, .7 in 3/4 of the time.)
 const START_SHARE: f64 = 0.7;
+/// Number of samples on the input, if the limit asks for so many.
+const SAMPLES: f64 = 180_000.0;
 /// Number of faces below which they do not start later.
 const MIN_START_FACES: usize = 20;
 /// Shares of the limit that the bounded sweeps use, until the whole is proven.
@@ -52,7 +54,12 @@ impl Run<'_, '_> {
             let mut branch =
                 Trunk { engine: trunk.engine.branch(), root: Rc::clone(&trunk.root), sweeps: None };
             control.stage(Stage::Collapse);
-            let end = self.sweep_bounded(&mut branch, (share * limit, &dense), comparer, control)?;
+            let end = self.sweep_bounded(
+                &mut branch,
+                (share * limit, Sampling { dense: &dense, least: SAMPLES }),
+                comparer,
+                control,
+            )?;
             let outcome = self.finish(&mut branch.engine, &branch.root, end, false, control)?;
             control.stage(Stage::Measure);
             let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
@@ -141,21 +148,21 @@ impl Run<'_, '_> {
     pub(super) fn sweep_bounded<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
-        (limit, dense): (f64, &[FaceId]),
+        (limit, sampling): (f64, Sampling<'_>),
         comparer: &InputComparer,
         control: &mut dyn Control,
     ) -> Result<StopReason, SimplifyError> {
         let source = self.source(&trunk.root);
         let bounded = source.visit(|points, faces| {
             let input = Arc::clone(comparer.reference());
-            let kept = if comparer.is_two_sided() { Some(dense) } else { None };
+            let kept = if comparer.is_two_sided() { Some(sampling) } else { None };
             Bounded::new(input, self.ordered.frame, limit, (points, faces), kept, &trunk.engine.mesh.store)
         });
         trunk.engine.set_limit(bounded);
         let end = trunk.engine.sweep(&self.goal, &source, control);
         if end == StopReason::Exhausted
             && self.options.topology != TopologyPolicy::Preserve
-            && dense.is_empty()
+            && sampling.dense.is_empty()
         {
             trunk.engine.remove_parts_within();
         }
