@@ -38,11 +38,11 @@ const ROUNDING: f64 = 4e-7;
 /// How the faces of the input are sampled.
 #[derive(Clone, Copy)]
 pub(crate) struct Sampling<'a> {
-    /// Samples are closer together on these faces, which are sorted, the more so the more often one is listed, and they
-    /// are always tested exactly.
+    /// Samples are closer together on these faces of the input, which are sorted, the more so the more often one is
+    /// listed, and they are always tested exactly.
     pub(crate) dense: &'a [FaceId],
     /// Number of samples up to which they are as close together as the limit asks.
-    pub(crate) least: f64,
+    pub(crate) samples: f64,
 }
 
 /// A sample of the input, in the list of a face of the mesh.
@@ -81,6 +81,8 @@ pub(crate) struct Bounded {
     /// By name of a face of the mesh: its first sample, and what was near it.
     pub(super) heads: Vec<u32>,
     pub(super) near: Vec<NearInput>,
+    /// Number of collapses refused by the limit after which the sweeps end.
+    pub(crate) max_refusals: u64,
     /// Number of collapses so far.
     pub(super) change: u32,
     /// By number in the ordered input: the last collapse that changed the star; the collapse and threshold up to which
@@ -273,7 +275,7 @@ fn sample_input(cover: &Cover, unit_limit: f64, sampling: Option<Sampling<'_>>) 
     for v in (0..vertex_count).map(VertexId::new).filter(|v| cover.around(*v).next().is_some()) {
         add(cover.point(v), v.index());
     }
-    let Some(Sampling { dense, least }) = sampling else { return samples };
+    let Some(Sampling { dense, samples: least }) = sampling else { return samples };
     let faces = || (0..face_count).map(FaceId::new);
     let area: f64 = faces().map(|face| f64::from(cover.normal(face).length()) / 2.0).sum();
     let most = least.max(GRID_SAMPLES_PER_FACE * face_count as f64);
@@ -363,6 +365,7 @@ impl Bounded {
             samples,
             near,
             heads,
+            max_refusals: u64::MAX,
             change: 1,
             changes: vec![1; store.merged_into.len()],
             tried: vec![(0, 0.0); store.merged_into.len()],

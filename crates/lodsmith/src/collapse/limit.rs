@@ -279,7 +279,7 @@ mod tests {
         let mesh = small.mesh();
         let input = Arc::new(Prepared::new(&mesh.surface()).expect("there are faces"));
         let given = (&small.points[..], &small.triangles()[..]);
-        let kept = is_two_sided.then_some(Sampling { dense: &[], least: 180_000.0 });
+        let kept = is_two_sided.then_some(Sampling { dense: &[], samples: 180_000.0 });
         let bounded = Bounded::new(input, FRAME, limit, given, kept, &engine.mesh.store);
         engine.set_limit(bounded);
         (small, engine)

@@ -383,6 +383,7 @@ impl<M: Metric> Engine<M> {
         let goal_faces = goal.faces.unwrap_or(0);
         let goal_vertices = goal.vertices.unwrap_or(0);
         let max_cost = self.cost_budget() - self.cost_of_removed_parts();
+        let max_refusals = self.mesh.bounded.as_ref().map_or(u64::MAX, |bounded| bounded.max_refusals);
         let count = self.mesh.store.v.len();
         let prefetches = count >= PREFETCH_MIN_VERTICES;
         self.tally.hub_budget.begin_sweep();
@@ -404,6 +405,9 @@ impl<M: Metric> Engine<M> {
                 }
                 if self.tally.collapse_cost > max_cost {
                     return SweepResult::Ended(StopReason::Finish);
+                }
+                if self.tally.refusals[Refusal::ErrorLimit as usize] > max_refusals {
+                    return SweepResult::Ended(StopReason::Stuck);
                 }
                 if store.v[u.index()].kind.is_gone() {
                     continue;

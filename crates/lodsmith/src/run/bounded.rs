@@ -56,7 +56,7 @@ impl Run<'_, '_> {
             control.stage(Stage::Collapse);
             let end = self.sweep_bounded(
                 &mut branch,
-                (share * limit, Sampling { dense: &dense, least: SAMPLES }),
+                (share * limit, Sampling { dense: &dense, samples: SAMPLES }, u64::MAX),
                 comparer,
                 control,
             )?;
@@ -148,16 +148,17 @@ impl Run<'_, '_> {
     pub(super) fn sweep_bounded<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
-        (limit, sampling): (f64, Sampling<'_>),
+        (limit, sampling, max_refusals): (f64, Sampling<'_>, u64),
         comparer: &InputComparer,
         control: &mut dyn Control,
     ) -> Result<StopReason, SimplifyError> {
         let source = self.source(&trunk.root);
-        let bounded = source.visit(|points, faces| {
+        let mut bounded = source.visit(|points, faces| {
             let input = Arc::clone(comparer.reference());
             let kept = if comparer.is_two_sided() { Some(sampling) } else { None };
             Bounded::new(input, self.ordered.frame, limit, (points, faces), kept, &trunk.engine.mesh.store)
         });
+        bounded.max_refusals = max_refusals;
         trunk.engine.set_limit(bounded);
         let end = trunk.engine.sweep(&self.goal, &source, control);
         if end == StopReason::Exhausted
