@@ -206,6 +206,15 @@
 // The final fit is never used.
 #define LODSMITH_FIT_OFF 2
 
+// One run.
+#define LODSMITH_EFFORT_DEFAULT 0
+
+// Several runs to the same count, for a smaller largest distance.
+#define LODSMITH_EFFORT_BEST 1
+
+// `LODSMITH_EFFORT_BEST` for small meshes: the effort of the presets for parts and prints.
+#define LODSMITH_EFFORT_AUTO 2
+
 // Merged vertices lie at the point of least cost.
 #define LODSMITH_PLACEMENT_OPTIMAL 0
 
@@ -468,6 +477,8 @@ typedef struct lodsmith_options {
   // Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag,
   // separated by blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
   const char *named;
+  // One of `LODSMITH_EFFORT_...`.
+  int32_t effort;
 } lodsmith_options;
 
 // Receives the progress: the stage, one of `LODSMITH_STAGE_...`, and the fraction of it that is done, from 0 to 1; in

@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use lodsmith::options::by_name::{self, OptionValue};
 use lodsmith::{
-    AttributeWeights, BorderPolicy, Bound, Fit, Guards, Length, Measure, MethodKind, OwnedMeshData,
+    AttributeWeights, BorderPolicy, Bound, Effort, Fit, Guards, Length, Measure, MethodKind, OwnedMeshData,
     Placement, Preset, SimplifyOptions, Stop, Texture, Textures, TopologyPolicy,
 };
 use lodsmith_core::{Image, RegionId};
@@ -46,6 +46,12 @@ pub const LODSMITH_FIT_AUTO: i32 = 0;
 pub const LODSMITH_FIT_ON: i32 = 1;
 /// The final fit is never used.
 pub const LODSMITH_FIT_OFF: i32 = 2;
+/// One run.
+pub const LODSMITH_EFFORT_DEFAULT: i32 = 0;
+/// Several runs to the same count, for a smaller largest distance.
+pub const LODSMITH_EFFORT_BEST: i32 = 1;
+/// `LODSMITH_EFFORT_BEST` for small meshes: the effort of the presets for parts and prints.
+pub const LODSMITH_EFFORT_AUTO: i32 = 2;
 
 /// Merged vertices lie at the point of least cost.
 pub const LODSMITH_PLACEMENT_OPTIMAL: i32 = 0;
@@ -210,6 +216,8 @@ pub struct LodsmithOptions {
     /// Options by name, as the command has them, with a field or without: `name=value`, or the name of a flag,
     /// separated by blanks, such as `max-edge=2% per-mesh`. They count more than fields. Null for none.
     pub named: *const c_char,
+    /// One of `LODSMITH_EFFORT_...`.
+    pub effort: i32,
 }
 
 // SAFETY: `repr(C)`, all fields are numbers and pointers, and the first is a `usize`.
@@ -298,6 +306,7 @@ fn of_options(o: &SimplifyOptions) -> LodsmithOptions {
         texture_count: 0,
         seed: o.seed,
         named: std::ptr::null(),
+        effort: number(&Effort::ALL, &o.effort),
     }
 }
 
@@ -346,6 +355,7 @@ impl LodsmithOptions {
         o.method = choice(&MethodKind::ALL, "method", self.method)?.into();
         self.set_options_of_method(&mut o)?;
         o.fit = choice(&Fit::ALL, "fit", self.fit)?;
+        o.effort = choice(&Effort::ALL, "effort", self.effort)?;
         o.placement = choice(&Placement::ALL, "placement", self.placement)?;
         o.border = choice(&BorderPolicy::ALL, "border", self.border)?;
         o.topology = choice(&TopologyPolicy::ALL, "topology", self.topology)?;
@@ -513,7 +523,7 @@ mod tests {
             ratio: Some(0.5),
             error: Some(Length::Units(3.0)),
         });
-        (o.fit, o.placement) = (Fit::Off, Placement::Midpoint);
+        (o.fit, o.effort, o.placement) = (Fit::Off, Effort::Best, Placement::Midpoint);
         (o.border, o.topology) = (BorderPolicy::Free, TopologyPolicy::Free);
         (o.bound, o.measure) = (Bound::TwoSided, Measure::Always);
         (o.escalate, o.shape_normals, o.seed) = (true, true, 9);
@@ -598,6 +608,8 @@ mod tests {
         assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_REMESH)], MethodKind::Remesh);
         assert_eq!(MethodKind::ALL[at(LODSMITH_METHOD_VERTEX_REMOVAL)], MethodKind::VertexRemoval);
         assert_eq!(Fit::ALL[at(LODSMITH_FIT_OFF)], Fit::Off);
+        assert_eq!(Effort::ALL[at(LODSMITH_EFFORT_BEST)], Effort::Best);
+        assert_eq!(Effort::ALL[at(LODSMITH_EFFORT_AUTO)], Effort::Auto);
         assert_eq!(Placement::ALL[at(LODSMITH_PLACEMENT_ENDPOINT)], Placement::Endpoint);
         assert_eq!(BorderPolicy::ALL[at(LODSMITH_BORDER_LOCK)], BorderPolicy::Lock);
         assert_eq!(TopologyPolicy::ALL[at(LODSMITH_TOPOLOGY_PRESERVE)], TopologyPolicy::Preserve);
