@@ -63,8 +63,8 @@ impl FarthestPoint {
 pub struct Comparison {
     /// Largest distance found.
     pub hausdorff: TwoWay,
-    /// Where the larger of the two is; `None` if it is 0, or too large for a square. Up to rounding of its coordinates,
-    /// the distance of the point from the other surface is `hausdorff.symmetric`.
+    /// The place of the largest distance, which is `hausdorff.symmetric` from the other surface up to the rounding of its
+    /// coordinates; `None` if that distance is 0 or its square overflows.
     pub farthest: Option<FarthestPoint>,
     /// Mean distance over the area.
     pub mean: TwoWay,

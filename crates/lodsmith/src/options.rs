@@ -77,11 +77,13 @@ pub struct Stop {
     pub vertices: Option<usize>,
     /// Stops at this fraction of the triangles, above 0 and up to 1.
     pub ratio: Option<f64>,
-    /// Stops at the coarsest level that stays within this distance of the input, in the sense of
-    /// [`SimplifyOptions::bound`].
+    /// Stops when nothing more can be removed within this distance of the input, in the sense of
+    /// [`SimplifyOptions::bound`]; the result is proven to be within it.
     ///
-    /// The levels are the results of runs to fixed counts, each 5 % below the previous count. They do not depend on
-    /// the distance: a larger distance never gives more triangles.
+    /// Methods that collapse edges test every collapse against it (docs/decisions/0030): a distance a few percent larger
+    /// can give a few triangles more. For the others it is the coarsest level within it: levels are the results of runs
+    /// to fixed counts, each 5 % below the previous count, which do not depend on the distance. Those whose error is
+    /// limited by steps are tried with smaller and smaller steps.
     pub error: Option<Length>,
 }
 
@@ -191,7 +193,7 @@ pub enum Effort {
     Default,
     /// Runs to the same count, of which every collapse stays within a share of the largest distance of a plain run;
     /// the result is the one with the smallest share whose mean and RMS distances are at most 1 % above those of
-    /// the plain run. Its vertices are fitted repeatedly. Takes five to twenty times as long as one run
+    /// the plain run. Its vertices are fitted repeatedly. Takes four to twenty times as long as one run
     /// (docs/decisions/0031).
     Best,
     /// [`Effort::Best`] for inputs of at most [`Effort::MAX_SMALL_FACES`] triangles, but [`Effort::Default`] for the
@@ -200,9 +202,8 @@ pub enum Effort {
 }
 
 impl Effort {
-    /// Largest number of triangles of the input for which [`Effort::Auto`] is [`Effort::Best`]: about half a second on
-    /// the processor of the benchmarks.
-    pub const MAX_SMALL_FACES: usize = 5_000;
+    /// Largest number of triangles of the input for which [`Effort::Auto`] is [`Effort::Best`]: about half a second.
+    pub const MAX_SMALL_FACES: usize = 2_000;
 
     /// True if inputs of this many triangles get the best result.
     pub fn is_best_for(self, faces: usize) -> bool {

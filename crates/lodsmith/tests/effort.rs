@@ -111,3 +111,18 @@ fn only_methods_that_collapse_edges_have_an_effort() {
     let error = simplify(&shapes::blob(3, 2), &options).unwrap_err();
     assert!(matches!(error, SimplifyError::NotOfMethod { option: "effort best", .. }), "{error}");
 }
+
+/// The presets for parts and prints ended in a panic with other methods than those that collapse edges.
+#[test]
+fn presets_go_with_all_methods() {
+    for preset in [Preset::Cad, Preset::Print] {
+        for kind in MethodKind::ALL {
+            let mut options = SimplifyOptions::preset(preset, Stop::ratio(0.5));
+            options.method = kind.into();
+            match simplify(&shapes::blob(3, 2), &options) {
+                Ok(done) => assert!(done.mesh.face_count() > 0, "{preset:?} {kind:?}"),
+                Err(error) => assert!(matches!(error, SimplifyError::NotOfMethod { .. }), "{error}"),
+            }
+        }
+    }
+}

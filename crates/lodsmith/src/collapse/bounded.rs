@@ -35,7 +35,7 @@ const DENSER: f64 = 8.0;
 /// Part of the limit that is left for rounding to single precision, in the unit frame.
 const ROUNDING: f64 = 4e-7;
 
-/// How the faces of the input are sampled.
+/// Spacing of the samples on the faces of the input.
 #[derive(Clone, Copy)]
 pub(crate) struct Sampling<'a> {
     /// Samples are closer together on these faces of the input, which are sorted, the more so the more often one is

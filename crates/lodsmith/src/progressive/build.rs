@@ -19,7 +19,7 @@ use crate::cost::metric::{Dimension, Metric, VertexMemory, with_metric};
 use crate::fit::Originals;
 use crate::input::Input;
 use crate::options::shared::COLLAPSE_METHODS;
-use crate::options::{Placement, SimplifyOptions, Stop};
+use crate::options::{Effort, Placement, SimplifyOptions, Stop};
 use crate::pipeline::prepare::{Prepared, temporary_normals};
 use crate::run::{self, Run, Started};
 use crate::two_sided::TwoSidedInput;
@@ -64,7 +64,7 @@ impl Progressive {
     ///
     /// # Errors
     /// Those of [`simplify`](crate::simplify()); [`SimplifyError::NotOfMethod`] for a method without
-    /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`].
+    /// contractions, [`SimplifyError::NotTogether`] with [`SimplifyOptions::escalate`] or [`Effort::Best`].
     pub fn build<'a>(
         input: impl Into<Input<'a>>,
         options: &SimplifyOptions,
@@ -89,6 +89,9 @@ pub(super) fn build(
     };
     if options.escalate {
         return Err(SimplifyError::NotTogether { first: "progressive", second: "escalate" });
+    }
+    if options.effort == Effort::Best {
+        return Err(SimplifyError::NotTogether { first: "progressive", second: "effort best" });
     }
     let options = options.with_own_placement();
     let with_normals = temporary_normals(whole, &options)?;
@@ -365,6 +368,8 @@ mod tests {
         );
         let twice = run(&|o| o.escalate = true, &sphere);
         assert!(matches!(twice, Some(SimplifyError::NotTogether { second: "escalate", .. })), "{twice:?}");
+        let best = run(&|o| o.effort = Effort::Best, &sphere);
+        assert!(matches!(best, Some(SimplifyError::NotTogether { second: "effort best", .. })), "{best:?}");
         let flat =
             TriMesh::new(Positions::F32(vec![[0.0; 3]; 3]), vec![[0, 1, 2].map(VertexId)]).expect("a mesh");
         assert!(matches!(run(&|_| (), &flat), Some(SimplifyError::NoFaces { faces: 1 })));

@@ -15,6 +15,7 @@ use crate::collapse::bounded::Sampling;
 use crate::control::{Control, Stage};
 use crate::cost::metric::Metric;
 use crate::deviation::InputComparer;
+use crate::options::shared::COLLAPSE_METHODS;
 
 /// Limits that are tried one after the other, as shares of the largest distance of a plain run, until one fails.
 const SHARES: [f64; 3] = [0.7, 0.6, 0.5];
@@ -51,9 +52,10 @@ impl Plain<'_> {
 }
 
 impl Run<'_, '_> {
-    /// True if the run is to bring the largest distance down at a given count.
+    /// True if the run is to bring the largest distance down at a given count. (Presets ask for it with every method.)
     pub(super) fn is_best(&self) -> bool {
-        self.options.quick.is_none()
+        COLLAPSE_METHODS.contains(&self.options.method.kind())
+            && self.options.quick.is_none()
             && !self.goal.is_none()
             && self.options.effort.is_best_for(self.ordered.faces.len())
     }
@@ -80,7 +82,7 @@ impl Run<'_, '_> {
         if found.is_none() {
             found = self.within_share(metric, SECOND_SHARE, &before, control)?;
         }
-        if found.is_none() {
+        if found.is_none() && self.wants_fit(metric.cost_source()) {
             let fitted = self.run_pass(self.goal, control)?;
             control.stage(Stage::Measure);
             found =

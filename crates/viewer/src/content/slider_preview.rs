@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lodsmith::{Control, Length, OwnedMeshData, ProgressiveScene, Stop};
+use lodsmith::{Control, Effort, Length, OwnedMeshData, ProgressiveScene, Stop};
 use lodsmith_asset::{AssetError, Normals};
 use lodsmith_core::{MeshError, Model, TriMesh};
 use serde::{Deserialize, Serialize};
@@ -67,7 +67,7 @@ struct ChangedMesh {
 }
 
 impl SliderPreview {
-    /// Builds the progressive mesh of a model; the target does not matter.
+    /// Builds the progressive mesh of a model; target and effort do not matter.
     ///
     /// # Errors
     /// As [`ProgressiveScene::build`].
@@ -78,7 +78,7 @@ impl SliderPreview {
         control: &mut dyn Control,
     ) -> Result<Self, AssetError> {
         let mut options = how.options.clone();
-        options.stop = Stop::default();
+        (options.stop, options.effort) = (Stop::default(), Effort::Default);
         let asset = original.asset()?;
         options.per_mesh &= asset.scene().is_some();
         let (meshes, diagonal) = (asset.simplified_meshes(), asset.diagonal());
