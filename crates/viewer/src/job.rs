@@ -355,10 +355,12 @@ fn run<M: Send + 'static>(shared: &Arc<Shared<M>>, results: &Sender<Message<M>>)
             Ok(done) => done.map(Message::Done),
             Err(_) => Some(Message::Panicked(kind)),
         };
-        lock(&shared.queue).running = None;
-        if let Some(message) = message
-            && results.send(message).is_err()
-        {
+        let mut queue = lock(&shared.queue);
+        queue.running = None;
+        // While the queue is locked: whoever sees no job finds its message.
+        let is_heard = message.is_none_or(|message| results.send(message).is_ok());
+        drop(queue);
+        if !is_heard {
             return;
         }
         (shared.wake)();
@@ -434,6 +436,19 @@ mod tests {
         while done(&worker) != Some(4) {}
         assert!(worker.wait(Duration::from_millis(20)).is_none());
         assert!(worker.is_idle());
+    }
+
+    /// A document was taken as settled before it had the file that it opened.
+    #[test]
+    fn an_idle_worker_has_sent_its_message() {
+        let worker = Worker::new(|| {});
+        for n in 0..20_000 {
+            worker.submit(JobKind::Load, move |_| Some(n));
+            while !worker.is_idle() {
+                std::hint::spin_loop();
+            }
+            assert!(matches!(worker.poll(), Some(Message::Done(m)) if m == n), "{n}");
+        }
     }
 
     #[test]
