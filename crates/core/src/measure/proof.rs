@@ -12,7 +12,9 @@
 
 pub mod cover;
 pub mod local;
+pub mod map;
 mod piece;
+mod rule;
 mod target;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +22,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::{Prepared, chunks};
 use crate::geometry::triangle::{self, double_area_normal};
 use crate::spatial::Hint;
+use map::MapSide;
 use piece::Piece;
+use rule::{ByCorners, ByFace, Everywhere, Rule};
 use target::Target;
 
 /// Bounds of the largest distance from one surface to another, in the units of the positions.
@@ -86,13 +90,40 @@ pub fn prove_within(from: &Prepared, to: &Prepared, distance: f64) -> WithinResu
         return WithinResult::Undecided;
     }
     let is_over = AtomicBool::new(false);
-    let all = all_within(from, to, ProofLimits { limit, tolerance: None, is_over: &is_over });
+    let all = all_within(
+        from,
+        to,
+        Everywhere,
+        no_values,
+        ProofLimits { limit, tolerance: None, is_over: &is_over },
+    );
     let (seen, bound) = (frame.user_length(all.seen), frame.user_length(all.bound));
     match () {
         () if all.seen > limit => WithinResult::No(seen.max(distance)),
         () if all.bound <= limit => WithinResult::Yes(bound.min(distance)),
         () => WithinResult::Undecided,
     }
+}
+
+/// Proves that every point of `from` lies within its own limit of `to`: a distance times the value of a map, which is
+/// that of the point itself, or of the point of `to` that is closest to it. Returns an upper bound of all distances, at
+/// most `distance`; `None` if that is not proven, because it is wrong or because the work limit is reached.
+///
+/// The distance is in the units of the positions. Deterministic at any number of threads. Cost: that of
+/// [`prove_within`]; where the map belongs to `to`, a few times as much.
+pub fn prove_within_map(from: &Prepared, to: &Prepared, distance: f64, map: MapSide<'_>) -> Option<f64> {
+    let frame = to.tree().frame();
+    let limit = frame.unit_length(distance);
+    if limit.is_nan() || limit < 0.0 {
+        return None;
+    }
+    let is_over = AtomicBool::new(false);
+    let limits = ProofLimits { limit, tolerance: None, is_over: &is_over };
+    let (seen, bound) = match map {
+        MapSide::From(map) => all_within(from, to, ByCorners, |slot| map.of_slot(slot), limits).bounds(),
+        MapSide::To(map) => all_within(from, to, ByFace(map), no_values, limits).bounds(),
+    };
+    (seen <= limit && bound <= limit).then(|| frame.user_length(bound).min(distance))
 }
 
 /// Computes an upper bound of the distance of `from` to `to`, to a relative `tolerance`.
@@ -111,7 +142,8 @@ pub fn bound_distance(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64)
     let tolerance = tolerance.max(1e-9);
     let limit = (unit * (1.0 + tolerance)).max(ZERO_DISTANCE);
     let is_over = AtomicBool::new(false);
-    let all = all_within(from, to, ProofLimits { limit, tolerance: Some(tolerance), is_over: &is_over });
+    let limits = ProofLimits { limit, tolerance: Some(tolerance), is_over: &is_over };
+    let all = all_within(from, to, Everywhere, no_values, limits);
     let seen = seen.max(frame.user_length(all.seen));
     DistanceBounds { seen, bound: frame.user_length(all.bound).max(seen) }
 }
@@ -144,11 +176,35 @@ const MAX_FACES_FOR_MIDDLES: usize = 50_000;
 /// [`prove_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
 /// O(log n) per place.
 pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
+    samples_within_by(from, to, distance, None)
+}
+
+/// As [`samples_within`], with the limits of [`prove_within_map`].
+pub fn samples_within_map(from: &Prepared, to: &Prepared, distance: f64, map: MapSide<'_>) -> bool {
+    samples_within_by(from, to, distance, Some(map))
+}
+
+fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<MapSide<'_>>) -> bool {
     let (source, target) = (from.tree(), to.tree());
     let limit = target.frame().unit_length(distance);
     let limit_sq = limit * limit;
     let is_beyond = AtomicBool::new(limit.is_nan() || limit < 0.0);
-    let is_far = |p: glam::DVec3, near: &mut u32| {
+    let is_far = |p: glam::DVec3, slot_of_p: u32, near: &mut u32| {
+        let limit_sq = match map {
+            None => limit_sq,
+            Some(MapSide::From(map)) => {
+                let limit = limit * map.at(source, slot_of_p, p);
+                limit * limit
+            }
+            Some(MapSide::To(map)) => {
+                let p = source.frame().to(target.frame(), p);
+                let hit = target.closest_slot(p, f64::INFINITY, &mut Hint::at(*near));
+                return hit.is_none_or(|hit| {
+                    *near = hit.slot;
+                    hit.distance_sq.sqrt() > limit * map.at(target, hit.slot, p)
+                });
+            }
+        };
         let p = source.frame().to(target.frame(), p);
         let is_near = |slot| triangle::nearest(p, target.slot_corners(slot)).distance_sq <= limit_sq;
         if is_near(*near) {
@@ -165,10 +221,12 @@ pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
         !is_found
     };
     let vertices = source.vertices();
+    let slots = if matches!(map, Some(MapSide::From(_))) { source.slots_of_vertices() } else { Vec::new() };
     chunks::map_by(FACES_PER_TASK, vertices.len(), |range| {
         let mut near = 0;
-        for p in &vertices[range] {
-            if is_beyond.load(Ordering::Relaxed) || is_far(*p, &mut near) {
+        for i in range {
+            let slot = slots.get(i).copied().unwrap_or(0);
+            if is_beyond.load(Ordering::Relaxed) || is_far(vertices[i], slot, &mut near) {
                 return is_beyond.store(true, Ordering::Relaxed);
             }
         }
@@ -183,7 +241,8 @@ pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
         for slot in faces {
             let [a, b, c] = source.slot_corners(slot as u32);
             for [u, v, w] in places {
-                if is_beyond.load(Ordering::Relaxed) || is_far(a * *u + b * *v + c * *w, &mut near) {
+                let p = a * *u + b * *v + c * *w;
+                if is_beyond.load(Ordering::Relaxed) || is_far(p, slot as u32, &mut near) {
                     return is_beyond.store(true, Ordering::Relaxed);
                 }
             }
@@ -218,25 +277,36 @@ struct ProofLimits<'a> {
 }
 
 /// Results for some pieces.
-#[derive(Default)]
-struct ProofState {
+struct ProofState<V> {
     seen: f64,
     bound: f64,
     steps: usize,
-    left: Vec<Piece>,
+    left: Vec<Piece<V>>,
 }
 
-fn all_within(from: &Prepared, to: &Prepared, mut limits: ProofLimits<'_>) -> ProofState {
+/// The values of a face for rules that need none.
+fn no_values(_slot: u32) -> [(); 3] {
+    [(); 3]
+}
+
+/// `values` returns the values at the corners of a slot of `from`.
+fn all_within<R: Rule>(
+    from: &Prepared,
+    to: &Prepared,
+    rule: R,
+    values: impl Fn(u32) -> [R::Value; 3] + Sync,
+    mut limits: ProofLimits<'_>,
+) -> ProofState<R::Value> {
     let (source, target) = (from.tree(), to.tree());
     let count = source.face_count();
     let max_steps = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
-    let mut all = ProofState::default();
+    let mut all = ProofState { seen: 0.0, bound: 0.0, steps: 0, left: Vec::new() };
     let first = chunks::map_by(FACES_PER_TASK, count, |faces| {
-        let mut search = PieceSearch::new(target, limits);
+        let mut search = PieceSearch::new(target, rule, limits);
         let mut hint = u32::MAX;
         for slot in faces {
             let corners = source.slot_corners(slot as u32).map(|p| source.frame().to(target.frame(), p));
-            search.pieces.push(Piece::of_face(corners, hint));
+            search.pieces.push(Piece::of_face(corners, values(slot as u32), hint));
             hint = search.run(STEPS_PER_TASK * (1 + slot % FACES_PER_TASK) / FACES_PER_TASK + 64);
         }
         search.found()
@@ -249,7 +319,7 @@ fn all_within(from: &Prepared, to: &Prepared, mut limits: ProofLimits<'_>) -> Pr
         let pieces = std::mem::take(&mut all.left);
         let is_last = all.steps > max_steps;
         let parts = chunks::map_by(PIECES_PER_TASK, pieces.len(), |range| {
-            let mut search = PieceSearch::new(target, limits);
+            let mut search = PieceSearch::new(target, rule, limits);
             if is_last {
                 pieces[range].iter().for_each(|piece| search.bound_piece(piece));
             } else {
@@ -267,7 +337,11 @@ fn all_within(from: &Prepared, to: &Prepared, mut limits: ProofLimits<'_>) -> Pr
     all
 }
 
-impl ProofState {
+impl<V> ProofState<V> {
+    fn bounds(&self) -> (f64, f64) {
+        (self.seen, self.bound)
+    }
+
     fn add(&mut self, parts: Vec<Self>) {
         for mut part in parts {
             self.seen = self.seen.max(part.seen);
@@ -279,10 +353,11 @@ impl ProofState {
 }
 
 /// A depth-first search; the last piece is handled first.
-struct PieceSearch<'a, T: Target> {
+struct PieceSearch<'a, T: Target, R: Rule> {
     to: &'a T,
+    rule: R,
     limits: ProofLimits<'a>,
-    pieces: Vec<Piece>,
+    pieces: Vec<Piece<R::Value>>,
     seen: f64,
     bound: f64,
     steps: usize,
@@ -290,12 +365,12 @@ struct PieceSearch<'a, T: Target> {
     near: u32,
 }
 
-impl<'a, T: Target> PieceSearch<'a, T> {
-    fn new(to: &'a T, limits: ProofLimits<'a>) -> Self {
-        Self { to, limits, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
+impl<'a, T: Target, R: Rule> PieceSearch<'a, T, R> {
+    fn new(to: &'a T, rule: R, limits: ProofLimits<'a>) -> Self {
+        Self { to, rule, limits, pieces: Vec::new(), seen: 0.0, bound: 0.0, steps: 0, near: u32::MAX }
     }
 
-    fn found(self) -> ProofState {
+    fn found(self) -> ProofState<R::Value> {
         ProofState { seen: self.seen, bound: self.bound, steps: self.steps, left: self.pieces }
     }
 
@@ -312,7 +387,11 @@ impl<'a, T: Target> PieceSearch<'a, T> {
 
     /// Adds the bound of a piece without cutting it: the distance of its corners to one face bounds all of
     /// it.
-    fn bound_piece(&mut self, piece: &Piece) {
+    fn bound_piece(&mut self, piece: &Piece<R::Value>) {
+        if !R::IS_UNIFORM {
+            self.bound = f64::INFINITY;
+            return;
+        }
         let mut hint = Hint::at(piece.near);
         let near = self.to.closest(piece.middle(), &mut hint);
         let bound = near.map_or(f64::INFINITY, |hit| {
@@ -323,22 +402,26 @@ impl<'a, T: Target> PieceSearch<'a, T> {
     }
 
     /// Returns the largest distance of a corner to a face.
-    fn farthest_corner(&self, piece: &Piece, slot: u32) -> f64 {
+    fn farthest_corner(&self, piece: &Piece<R::Value>, slot: u32) -> f64 {
         let face = self.to.corners(slot);
         let far = piece.corners().iter().map(|p| triangle::nearest(*p, face).distance_sq);
         far.fold(0.0, f64::max).sqrt()
     }
 
     /// True if all corners lie within the limit of one face. Most faces fail at the first corner.
-    fn is_near(&mut self, piece: &Piece, slot: u32) -> bool {
+    fn is_near(&mut self, piece: &Piece<R::Value>, slot: u32) -> bool {
         let face = self.to.corners(slot);
-        let limit_sq = self.limits.limit * self.limits.limit;
         let mut far = 0f64;
-        for p in piece.corners() {
-            far = far.max(triangle::nearest(*p, face).distance_sq);
-            if far > limit_sq {
+        for (p, value) in piece.corners().iter().zip(piece.values()) {
+            let limit = self.rule.at(self.limits.limit, *value);
+            let distance_sq = triangle::nearest(*p, face).distance_sq;
+            far = far.max(distance_sq);
+            if distance_sq > limit * limit {
                 return false;
             }
+        }
+        if !self.rule.holds(self.to, piece, slot, self.limits.limit) {
+            return false;
         }
         self.accept(far.sqrt(), slot);
         true
@@ -350,7 +433,7 @@ impl<'a, T: Target> PieceSearch<'a, T> {
         self.near = slot;
     }
 
-    fn process_piece(&mut self, piece: Piece) {
+    fn process_piece(&mut self, piece: Piece<R::Value>) {
         let tried = piece.near;
         let is_first = (tried as usize) < self.to.count() && !piece.is_tried;
         if is_first && self.is_near(&piece, tried) {
@@ -359,7 +442,8 @@ impl<'a, T: Target> PieceSearch<'a, T> {
         let middle = piece.middle();
         let to = self.to;
         // Faces within the limit of the middle, nearest first: one of them may suffice for the whole piece.
-        let limit_sq = self.limits.limit * self.limits.limit;
+        let limit = self.rule.at_middle(self.limits.limit, &piece);
+        let limit_sq = limit * limit;
         let (mut nearest_sq, mut slot, mut is_done) = (f64::INFINITY, u32::MAX, false);
         to.visit_near(middle, limit_sq, |near| {
             let distance_sq = triangle::nearest(middle, to.corners(near)).distance_sq;
@@ -390,7 +474,7 @@ impl<'a, T: Target> PieceSearch<'a, T> {
         }
         let height = nearest_sq.sqrt();
         self.seen = self.seen.max(height);
-        if nearest_sq > limit_sq {
+        if nearest_sq > limit_sq || self.rule.is_beyond(self.to, slot, middle, (height, self.limits.limit)) {
             match self.limits.tolerance {
                 Some(tolerance) => self.limits.limit = height * (1.0 + tolerance),
                 None => {
@@ -402,7 +486,7 @@ impl<'a, T: Target> PieceSearch<'a, T> {
         }
         let radius = piece.radius(middle);
         let bound = height + radius;
-        if bound <= self.limits.limit || radius <= MIN_PIECE_RADIUS {
+        if bound <= self.rule.at_all(self.limits.limit, &piece) || radius <= MIN_PIECE_RADIUS {
             self.bound = self.bound.max(bound);
             self.near = slot;
             return;
@@ -411,11 +495,11 @@ impl<'a, T: Target> PieceSearch<'a, T> {
     }
 
     /// Replaces a piece by its parts outside the prism over a face and the one inside, or by halves.
-    fn cut(&mut self, piece: Piece, slot: u32, height: f64, radius: f64) {
+    fn cut(&mut self, piece: Piece<R::Value>, slot: u32, height: f64, radius: f64) {
         let face = self.to.corners(slot);
         let normal = double_area_normal(face).normalize_or_zero();
         let longest = (0..3).map(|k| face[k].distance(face[(k + 1) % 3])).fold(0.0, f64::max);
-        let limit = self.limits.limit;
+        let limit = self.rule.near_face(self.to, slot, &piece, self.limits.limit);
         let is_useful =
             piece.cut_by != slot && longest >= MIN_CUT_FACE * limit && radius <= MAX_CUT_RADIUS * longest;
         if !is_useful || normal == glam::DVec3::ZERO || !piece.has_room() {
@@ -443,7 +527,7 @@ impl<'a, T: Target> PieceSearch<'a, T> {
         self.pieces.push(inside);
     }
 
-    fn halve(&mut self, piece: Piece, slot: u32) {
+    fn halve(&mut self, piece: Piece<R::Value>, slot: u32) {
         for mut half in piece.halves() {
             (half.near, half.is_tried) = (slot, false);
             self.pieces.push(half);

@@ -384,6 +384,14 @@ impl Bvh {
     pub(crate) fn slot_corners(&self, slot: u32) -> [DVec3; 3] {
         self.corners[slot as usize].map(|v| self.vertices[v as usize])
     }
+    /// Returns a slot that uses each vertex.
+    pub(crate) fn slots_of_vertices(&self) -> Vec<u32> {
+        let mut slots = vec![0; self.vertices.len()];
+        for (slot, corners) in (0..).zip(&self.corners) {
+            corners.iter().for_each(|&v| slots[v as usize] = slot);
+        }
+        slots
+    }
     /// The unit frame of the tree.
     pub(crate) fn frame(&self) -> &UnitFrame {
         &self.frame

@@ -2,15 +2,34 @@
 
 use glam::DVec3;
 
+/// A value at a corner of a piece, linear on the piece; nothing where the limit is the same everywhere.
+pub(super) trait CornerValue: Copy + Default + Send + Sync {
+    /// The value on the way to another corner.
+    fn towards(self, other: Self, share: f64) -> Self;
+}
+
+impl CornerValue for () {
+    #[inline(always)]
+    fn towards(self, (): (), _: f64) {}
+}
+
+impl CornerValue for f64 {
+    #[inline]
+    fn towards(self, other: f64, share: f64) -> f64 {
+        self + (other - self) * share
+    }
+}
+
 /// Maximum number of corners of a piece. A cut adds one, and a face has three cuts.
-const MAX_CORNERS: usize = 10;
+pub(super) const MAX_CORNERS: usize = 10;
 /// Pieces with more corners than this are split without adding any.
 const MAX_CORNERS_BEFORE_CUT: usize = MAX_CORNERS - 3;
 
 /// A flat convex polygon.
 #[derive(Clone, Copy)]
-pub(super) struct Piece {
+pub(super) struct Piece<V = ()> {
     corners: [DVec3; MAX_CORNERS],
+    values: [V; MAX_CORNERS],
     count: usize,
     /// A near face, as the first guess.
     pub(super) near: u32,
@@ -20,19 +39,26 @@ pub(super) struct Piece {
     pub(super) cut_by: u32,
 }
 
-impl Piece {
-    pub(super) fn of_face(face: [DVec3; 3], near: u32) -> Self {
-        Self::of(&face, near)
+impl<V: CornerValue> Piece<V> {
+    pub(super) fn of_face(face: [DVec3; 3], values: [V; 3], near: u32) -> Self {
+        Self::of(&face, &values, near)
     }
 
-    fn of(corners: &[DVec3], near: u32) -> Self {
-        let mut own = [DVec3::ZERO; MAX_CORNERS];
+    fn of(corners: &[DVec3], values: &[V], near: u32) -> Self {
+        let (mut own, mut own_values) = ([DVec3::ZERO; MAX_CORNERS], [V::default(); MAX_CORNERS]);
         own[..corners.len()].copy_from_slice(corners);
-        Self { corners: own, count: corners.len(), near, is_tried: false, cut_by: u32::MAX }
+        own_values[..values.len()].copy_from_slice(values);
+        let count = corners.len();
+        Self { corners: own, values: own_values, count, near, is_tried: false, cut_by: u32::MAX }
     }
 
     pub(super) fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
+    }
+
+    /// The values at the corners.
+    pub(super) fn values(&self) -> &[V] {
+        &self.values[..self.count]
     }
 
     pub(super) fn middle(&self) -> DVec3 {
@@ -66,30 +92,33 @@ impl Piece {
         if highest <= sliver || lowest >= -sliver || self.count == MAX_CORNERS {
             return None;
         }
-        let mut parts = [Self::of(&[], self.near), Self::of(&[], self.near)];
+        let mut parts = [Self::of(&[], &[], self.near), Self::of(&[], &[], self.near)];
         let [within, beyond] = &mut parts;
         for k in 0..self.count {
             let next = (k + 1) % self.count;
             let (p, q) = (self.corners[k], self.corners[next]);
+            let (value, next_value) = (self.values[k], self.values[next]);
             let (a, b) = (side[k], side[next]);
             if a <= 0.0 {
-                within.push(p);
+                within.push(p, value);
             }
             if a >= 0.0 {
-                beyond.push(p);
+                beyond.push(p, value);
             }
             if a < 0.0 && b > 0.0 || a > 0.0 && b < 0.0 {
                 let between = p + (q - p) * (a / (a - b));
-                within.push(between);
-                beyond.push(between);
+                let value = value.towards(next_value, a / (a - b));
+                within.push(between, value);
+                beyond.push(between, value);
             }
         }
         let [within, beyond] = parts;
         Some((within, beyond))
     }
 
-    fn push(&mut self, p: DVec3) {
+    fn push(&mut self, p: DVec3, value: V) {
         self.corners[self.count] = p;
+        self.values[self.count] = value;
         self.count += 1;
     }
 
@@ -117,9 +146,9 @@ impl Piece {
 
     fn by_diagonal(&self) -> [Self; 2] {
         let half = self.count / 2;
-        let mut other = Self::of(&self.corners[half..self.count], self.near);
-        other.push(self.corners[0]);
-        [Self::of(&self.corners[..=half], self.near), other]
+        let mut other = Self::of(&self.corners[half..self.count], &self.values[half..self.count], self.near);
+        other.push(self.corners[0], self.values[0]);
+        [Self::of(&self.corners[..=half], &self.values[..=half], self.near), other]
     }
 }
 
@@ -127,19 +156,21 @@ impl Piece {
 mod tests {
     use super::*;
 
-    fn area(piece: &Piece) -> f64 {
+    fn area<V: CornerValue>(piece: &Piece<V>) -> f64 {
         let c = piece.corners();
         (2..c.len()).map(|k| (c[k - 1] - c[0]).cross(c[k] - c[0]).length() / 2.0).sum()
     }
 
     #[test]
     fn parts_make_up_the_whole() {
-        let mut pieces = vec![Piece::of_face([DVec3::ZERO, DVec3::X * 3.0, DVec3::new(1.0, 2.0, 0.5)], 0)];
+        let corners = [DVec3::ZERO, DVec3::X * 3.0, DVec3::new(1.0, 2.0, 0.5)];
+        let linear = |p: DVec3| 0.5 + p.dot(DVec3::new(0.1, 0.2, 0.4));
+        let mut pieces = vec![Piece::of_face(corners, corners.map(linear), 0)];
         let whole = area(&pieces[0]);
         for k in 0..40 {
             let at = DVec3::new(0.1 + 0.05 * f64::from(k), 0.3, 0.0);
             let out = DVec3::new(f64::from(k).cos(), f64::from(k).sin(), 0.2).normalize_or_zero();
-            let cut = |p: Piece| match p.cut(at, out, 1e-6) {
+            let cut = |p: Piece<f64>| match p.cut(at, out, 1e-6) {
                 Some((a, b)) if p.has_room() => vec![a, b],
                 _ => p.halves().to_vec(),
             };
@@ -148,11 +179,13 @@ mod tests {
             assert!(pieces.len() == 3000 || (sum - whole).abs() < 1e-12, "{k}: {sum} of {whole}");
         }
         assert!(pieces.iter().all(|p| p.count >= 3 && p.count <= MAX_CORNERS));
+        let is_linear = |(p, x): (&DVec3, &f64)| (linear(*p) - x).abs() < 1e-12;
+        assert!(pieces.iter().all(|p| p.corners().iter().zip(p.values()).all(is_linear)));
     }
 
     #[test]
     fn halves_are_smaller() {
-        let mut piece = Piece::of_face([DVec3::ZERO, DVec3::X, DVec3::X * 0.5], 0);
+        let mut piece = Piece::of_face([DVec3::ZERO, DVec3::X, DVec3::X * 0.5], [(); 3], 0);
         for _ in 0..20 {
             piece = piece.halves()[0];
         }
