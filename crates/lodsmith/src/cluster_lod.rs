@@ -118,7 +118,7 @@ pub struct BuiltClusterLod {
 ///
 /// # Errors
 /// [`SimplifyError::BadOption`], [`SimplifyError::NoFaces`], [`SimplifyError::Cancelled`];
-/// [`SimplifyError::NotTogether`] for locked vertices and importance, which cluster levels do not have.
+/// [`SimplifyError::NotTogether`] for locked vertices, importance and error maps, which cluster levels do not have.
 ///
 /// Source: [Karis 2021].
 pub fn cluster_lod<'a>(
@@ -128,8 +128,12 @@ pub fn cluster_lod<'a>(
 ) -> Result<BuiltClusterLod, SimplifyError> {
     options.check()?;
     let input = input.into();
-    let MeshData { locked, importance, region_classes, .. } = input.data;
-    for (first, is_given) in [("locked", locked.is_some()), ("importance", importance.is_some())] {
+    let MeshData { locked, importance, error_map, region_classes, .. } = input.data;
+    for (first, is_given) in [
+        ("locked", locked.is_some()),
+        ("importance", importance.is_some()),
+        ("error-map", error_map.is_some()),
+    ] {
         if is_given {
             return Err(SimplifyError::NotTogether { first, second: "cluster_lod" });
         }

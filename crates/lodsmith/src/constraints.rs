@@ -1,4 +1,4 @@
-//! Locked vertices and importance: their checks, and the wedges of locked vertices, which a result keeps.
+//! Locked vertices, importance and error maps: their checks, and the wedges of locked vertices, which a result keeps.
 
 use std::collections::HashMap;
 
@@ -17,6 +17,7 @@ pub(crate) struct Constraints {
     locked: Option<Vec<bool>>,
     locked_faces: usize,
     cost_factors: Option<Vec<f32>>,
+    error_map: Option<Vec<f32>>,
 }
 
 impl Constraints {
@@ -45,11 +46,23 @@ impl Constraints {
         let locked_faces = locked
             .as_ref()
             .map_or(0, |locked| ordered.faces.iter().filter(|t| t.iter().all(|v| locked[v.index()])).count());
-        Self { locked, locked_faces, cost_factors: factors }
+        let error_map = data.error_map.filter(|all| all.iter().any(|share| *share != 1.0)).map(|own| {
+            let mut shares = vec![1f32; ordered.point_count];
+            for (i, place) in places() {
+                let share = &mut shares[place.index()];
+                *share = share.min(own[i]);
+            }
+            shares
+        });
+        Self { locked, locked_faces, cost_factors: factors, error_map }
     }
 
     pub(crate) fn locked(&self) -> Option<&[bool]> {
         self.locked.as_deref()
+    }
+    /// The share of the error limit at each vertex; `None` if all are 1.
+    pub(crate) fn error_map(&self) -> Option<&[f32]> {
+        self.error_map.as_deref()
     }
     pub(crate) fn locked_vertices(&self) -> usize {
         self.locked.as_ref().map_or(0, |locked| locked.iter().filter(|l| **l).count())
@@ -66,8 +79,11 @@ impl Constraints {
 
 /// Checks the lists of a mesh against the number of vertices.
 pub(crate) fn check(data: &MeshData<'_>, wanted: usize) -> Result<(), SimplifyError> {
-    let lists =
-        [("locked", data.locked.map(<[bool]>::len)), ("importance", data.importance.map(<[f32]>::len))];
+    let lists = [
+        ("locked", data.locked.map(<[bool]>::len)),
+        ("importance", data.importance.map(<[f32]>::len)),
+        ("error map", data.error_map.map(<[f32]>::len)),
+    ];
     for (option, got) in lists {
         if let Some(got) = got.filter(|&got| got != wanted) {
             return Err(SimplifyError::WrongLength { option, wanted, got });
@@ -78,7 +94,24 @@ pub(crate) fn check(data: &MeshData<'_>, wanted: usize) -> Result<(), SimplifyEr
         let wanted = "a number above 0 for each vertex";
         return Err(SimplifyError::BadOption { option: "importance", wanted, got: f64::from(*got) });
     }
+    let is_share = |x: &f32| (0.0..=1.0).contains(x);
+    if let Some(shares) = data.error_map
+        && let Some(vertex) = shares.iter().position(|x| !is_share(x))
+    {
+        let (wanted, got) = ("from 0 to 1", f64::from(shares[vertex]));
+        return Err(SimplifyError::BadVertexValue { option: "error map", wanted, vertex, got });
+    }
     Ok(())
+}
+
+/// Returns the locks of a mesh and of the vertices at which its error map is 0; `None` if the map adds none.
+pub(crate) fn locks_of_map(data: &MeshData<'_>) -> Option<Vec<bool>> {
+    let shares = data.error_map?;
+    let is_locked = |v: usize| data.locked.is_some_and(|locked| locked[v]);
+    if !(0..shares.len()).any(|v| shares[v] == 0.0 && !is_locked(v)) {
+        return None;
+    }
+    Some((0..shares.len()).map(|v| is_locked(v) || shares[v] == 0.0).collect())
 }
 
 /// Returns the vertex that each vertex is merged with, and the number of merged vertices. Vertices are merged

@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
-use lodsmith_core::measure::proof::{WithinResult, bound_distance, prove_within, samples_within};
+use lodsmith_core::measure::proof::map::{LimitMap, MapSide};
+use lodsmith_core::measure::proof::{
+    WithinResult, bound_distance, prove_within, prove_within_map, samples_within, samples_within_map,
+};
 use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
-use lodsmith_core::{Surface, TriMesh};
+use lodsmith_core::{FaceId, Surface, TriMesh};
 
 use crate::options::{Bound, Measure, SimplifyOptions};
 
@@ -68,6 +71,8 @@ pub(crate) struct InputComparer {
     promised: Bound,
     samples: usize,
     seed: u64,
+    /// Shares of limits, and the least limit of any place.
+    map: Option<(LimitMap, f64)>,
 }
 
 impl InputComparer {
@@ -77,7 +82,23 @@ impl InputComparer {
         let promised = options.effective_bound();
         let is_asked = options.measure == Measure::Always || promised == Bound::Estimate;
         let samples = if is_asked { CompareOptions::default().samples } else { PROOF_SAMPLES };
-        Some(Self { reference, promised, samples, seed: options.seed })
+        Some(Self { reference, promised, samples, seed: options.seed, map: None })
+    }
+
+    /// Adds the shares of a limit at the corners of the faces. No limit is less than `rounding`.
+    pub(crate) fn with_map(self, shares: impl Fn(FaceId) -> [f32; 3], rounding: f64) -> Self {
+        let map = LimitMap::new(&self.reference, shares);
+        Self { map: Some((map, rounding)), ..self }
+    }
+
+    /// The shares of a limit and the least limit of any place, if limits vary.
+    pub(crate) fn map(&self) -> Option<(&LimitMap, f64)> {
+        self.map.as_ref().map(|(map, rounding)| (map, *rounding))
+    }
+
+    /// Returns the shares of a limit, raised to the least limit of any place.
+    fn map_of(&self, limit: f64) -> Option<LimitMap> {
+        self.map.as_ref().map(|(map, rounding)| map.with_floor(rounding / limit))
     }
 
     /// True unless the guarantee covers only the result.
@@ -93,6 +114,11 @@ impl InputComparer {
     /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
     /// Never false where [`Self::proven_within`] finds a bound.
     pub(crate) fn passes_spot_check(&self, result: &PreparedResult, limit: f64) -> bool {
+        if let Some(map) = self.map_of(limit) {
+            let back = samples_within_map(&result.0, &self.reference, limit, MapSide::To(&map));
+            let forward = || samples_within_map(&self.reference, &result.0, limit, MapSide::From(&map));
+            return back && (self.promised == Bound::OneSided || forward());
+        }
         let forward = || samples_within(&self.reference, &result.0, limit);
         samples_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
     }
@@ -100,16 +126,21 @@ impl InputComparer {
     /// Returns an upper bound on the distance if the result stays within `limit`, in the sense of the
     /// guarantee.
     pub(crate) fn proven_within(&self, result: &PreparedResult, limit: f64) -> Option<f64> {
-        let within = |from, to| match prove_within(from, to, limit) {
-            WithinResult::Yes(bound) => Some(bound),
-            _ => None,
+        let map = self.map_of(limit);
+        let back = || match &map {
+            Some(map) => prove_within_map(&result.0, &self.reference, limit, MapSide::To(map)),
+            None => proven(&result.0, &self.reference, limit),
+        };
+        let forward = || match &map {
+            Some(map) => prove_within_map(&self.reference, &result.0, limit, MapSide::From(map)),
+            None => proven(&self.reference, &result.0, limit),
         };
         match self.promised {
-            Bound::OneSided => within(&result.0, &self.reference),
+            Bound::OneSided => back(),
             Bound::Auto | Bound::TwoSided => {
                 // The direction from the result is usually quicker to prove.
-                let back = within(&result.0, &self.reference)?;
-                Some(within(&self.reference, &result.0)?.max(back))
+                let back = back()?;
+                Some(forward()?.max(back))
             }
             Bound::Estimate => {
                 let seen = self.compare(&result.0).hausdorff.symmetric;
@@ -178,5 +209,13 @@ impl InputComparer {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (self.samples, self.seed);
         compare_prepared(&self.reference, result, &options)
+    }
+}
+
+/// Returns an upper bound of the distance of a surface from another, if it is proven to be at most `limit`.
+fn proven(from: &Prepared, to: &Prepared, limit: f64) -> Option<f64> {
+    match prove_within(from, to, limit) {
+        WithinResult::Yes(bound) => Some(bound),
+        _ => None,
     }
 }

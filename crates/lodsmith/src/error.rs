@@ -52,6 +52,26 @@ pub enum SimplifyError {
         /// Name of the other option.
         second: &'static str,
     },
+    /// An option that has no effect without another one.
+    #[error("{option} needs {other}")]
+    Needs {
+        /// Name of the option.
+        option: &'static str,
+        /// Name of the option that it needs.
+        other: &'static str,
+    },
+    /// A value of a vertex is out of range.
+    #[error("{option} must be {wanted}, not {got} at vertex {vertex}")]
+    BadVertexValue {
+        /// Name of the list.
+        option: &'static str,
+        /// The permitted range.
+        wanted: &'static str,
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its value.
+        got: f64,
+    },
     /// The control cancelled the run.
     #[error("cancelled")]
     Cancelled,

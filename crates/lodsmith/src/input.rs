@@ -29,6 +29,15 @@ pub struct MeshData<'a> {
     /// 6 on rough ones. Flat places need no triangles, however important they are. The stop still determines
     /// the total. (docs/decisions/0013)
     pub importance: Option<&'a [f32]>,
+    /// Share of the error limit at each vertex, from 0 to 1, linear on each face, for runs with [`Stop::error`]. A point
+    /// of the input lies within its share of the limit of the result, and a point of the result within the share at the
+    /// point of the input that is closest to it. (Up to two millionths of the largest extent of the mesh, for the
+    /// precision of a run.)
+    ///
+    /// A vertex at 0 is locked as by [`MeshData::locked`]. Of vertices at one position the least share counts.
+    ///
+    /// [`Stop::error`]: crate::Stop::error()
+    pub error_map: Option<&'a [f32]>,
     /// Base-colour images of the regions of the mesh. If one is a palette (almost every face of the input shows
     /// one colour), a face of the result whose blended texture coordinates show other colours than the input
     /// there takes some of the input's coordinates. Nothing else in a run reads images, and
@@ -53,6 +62,8 @@ pub struct OwnedMeshData {
     pub locked: Option<Vec<bool>>,
     /// See [`MeshData::importance`].
     pub importance: Option<Vec<f32>>,
+    /// See [`MeshData::error_map`].
+    pub error_map: Option<Vec<f32>>,
     /// See [`MeshData::textures`].
     pub textures: Option<Textures>,
     /// See [`MeshData::region_classes`].
@@ -72,6 +83,7 @@ impl OwnedMeshData {
         let lengths = [
             ("locked", self.locked.as_ref().map(Vec::len)),
             ("importance", self.importance.as_ref().map(Vec::len)),
+            ("error map", self.error_map.as_ref().map(Vec::len)),
         ];
         for (option, got) in lengths {
             if let Some(got) = got.filter(|n| *n != wanted) {
@@ -83,8 +95,9 @@ impl OwnedMeshData {
             let own = first..first + count;
             first = own.end;
             let locked = self.locked.as_ref().map(|list| list[own.clone()].to_vec());
-            let importance = self.importance.as_ref().map(|list| list[own].to_vec());
-            Self { locked, importance, ..Self::default() }
+            let importance = self.importance.as_ref().map(|list| list[own.clone()].to_vec());
+            let error_map = self.error_map.as_ref().map(|list| list[own].to_vec());
+            Self { locked, importance, error_map, ..Self::default() }
         };
         Ok(counts.iter().map(part).collect())
     }
@@ -94,6 +107,7 @@ impl OwnedMeshData {
         MeshData {
             locked: self.locked.as_deref(),
             importance: self.importance.as_deref(),
+            error_map: self.error_map.as_deref(),
             textures: self.textures.as_ref(),
             region_classes: self.region_classes.as_deref(),
             wedge_values: self.wedge_values.as_deref(),
@@ -193,6 +207,12 @@ impl<'a> Input<'a> {
     /// Sets the importance of the vertices: see [`MeshData::importance`].
     pub fn importance(mut self, importance: &'a [f32]) -> Self {
         self.data.importance = Some(importance);
+        self
+    }
+
+    /// Sets the shares of the error limit at the vertices: see [`MeshData::error_map`].
+    pub fn error_map(mut self, shares: &'a [f32]) -> Self {
+        self.data.error_map = Some(shares);
         self
     }
 

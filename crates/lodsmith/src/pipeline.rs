@@ -36,6 +36,9 @@ pub(crate) fn simplify(
     control: &mut dyn Control,
 ) -> Result<Done, SimplifyError> {
     check(input, options)?;
+    if let Some(locked) = constraints::locks_of_map(&input.data) {
+        return simplify(&input.clone().locked(&locked), options, control);
+    }
     if let Some(completed) = missing::completed(input)? {
         return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
     }

@@ -1,13 +1,14 @@
 //! Guarantees of a stop at an error: results are within it, proven; a clearly larger error gives no more faces; a plain
 //! run within it is heavier.
 
+use lodsmith::core::geometry::triangle::weights_at;
 use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{TriMesh, VertexId, shapes};
 use lodsmith::{
-    Bound, Control, Input, Length, MethodKind, NoControl, Refusal, Report, Simplified, SimplifyOptions, Stop,
-    StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
+    Bound, Control, Input, Length, MethodKind, NoControl, Refusal, Report, Simplified, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::{CaseFilter, size};
@@ -267,4 +268,141 @@ fn a_run_that_is_ended_later_does_not_return_the_input() {
         are_all_made |= report.reached;
     }
     assert!(are_all_made && lightest < mesh.face_count() / 10, "{lightest}");
+}
+
+/// Shares of an error that rise along x from `least` to 1.
+fn rising(mesh: &TriMesh, least: f64) -> Vec<f32> {
+    let view = mesh.positions().view();
+    let bounds = view.bounds().unwrap();
+    let along = |p: [f64; 3]| (p[0] - bounds.min[0]) / (bounds.max[0] - bounds.min[0]);
+    view.iter().map(|p| (least + (1.0 - least) * along(p)) as f32).collect()
+}
+
+/// A grid of barycentric coordinates.
+const GRID: usize = 6;
+
+/// Returns points of each face, with its index and their barycentric coordinates.
+fn samples(mesh: &TriMesh) -> impl Iterator<Item = ([f64; 3], usize, [f64; 3])> + '_ {
+    let grid = || (0..=GRID).flat_map(|i| (0..=GRID - i).map(move |j| [i, j, GRID - i - j]));
+    (0..mesh.face_count()).flat_map(move |face| {
+        grid().map(move |shares| {
+            let shares = shares.map(|n| n as f64 / GRID as f64);
+            let corners = corners(mesh, face);
+            let at = |k: usize| (0..3).map(|i| corners[i][k] * shares[i]).sum();
+            ([at(0), at(1), at(2)], face, shares)
+        })
+    })
+}
+
+fn corners(mesh: &TriMesh, face: usize) -> [[f64; 3]; 3] {
+    mesh.triangles()[face].map(|w| mesh.positions().view().get(mesh.vertex_of(w)))
+}
+
+/// Returns the value at a point of a face.
+fn value_at(mesh: &TriMesh, shares: &[f32], face: usize, p: [f64; 3]) -> f64 {
+    let weights = weights_at(p.into(), corners(mesh, face).map(Into::into));
+    let of = mesh.triangles()[face].map(|w| f64::from(shares[mesh.vertex_of(w).index()]));
+    (0..3).map(|k| of[k] * weights[k]).sum()
+}
+
+/// Fails unless samples of both meshes are within the limit at their place of the input; returns the largest part of the
+/// limit that is used.
+fn check_map(input: &TriMesh, made: &TriMesh, shares: &[f32], limit: f64, is_two_sided: bool) -> f64 {
+    let [to_input, to_made] = [input, made].map(|mesh| Bvh::new(&mesh.surface()));
+    let size = to_input.bounds().unwrap().diagonal();
+    let mut most = 0f64;
+    let mut check = |distance: f64, value: f64, place: &str| {
+        assert!(distance <= limit * value + 2e-6 * size, "{place}: {distance} at {value} of {limit}");
+        most = most.max(if value > 0.05 { distance / (limit * value) } else { 0.0 });
+    };
+    for (p, face, _) in samples(input).filter(|_| is_two_sided) {
+        check(to_made.closest(p).unwrap().distance, value_at(input, shares, face, p), "input");
+    }
+    for (p, _, _) in samples(made) {
+        let hit = to_input.closest(p).unwrap();
+        check(hit.distance, value_at(input, shares, hit.face.index(), hit.point), "result");
+    }
+    most
+}
+
+#[test]
+fn an_error_map_is_kept_at_every_place() {
+    for (mesh, share, bound) in [
+        (shapes::blob(4, 3), 0.02, Bound::Auto),
+        (shapes::wavy_sheet(40), 0.02, Bound::Auto),
+        (shapes::blob(4, 5), 0.01, Bound::OneSided),
+    ] {
+        let shares = rising(&mesh, 0.1);
+        let mut options = within(share);
+        options.bound = bound;
+        let done = simplify_with(Input::new(&mesh).error_map(&shares), &options, &mut NoControl).unwrap();
+        let limit = share * done.report.error.diagonal;
+        let used = check_map(&mesh, &done.mesh, &shares, limit, bound != Bound::OneSided);
+        assert!(used > 0.8, "only {used} of the limit is used");
+        assert!(done.report.reached && done.report.error.bound.unwrap() <= limit * (1.0 + 1e-9));
+        // Between the counts of the largest and of the least limit, and finer where the limit is less.
+        let [mut fine, mut coarse] = [0.1 * share, share].map(within);
+        (fine.bound, coarse.bound) = (bound, bound);
+        let [fine, coarse] = [fine, coarse].map(|options| run(&mesh, &options).report.faces);
+        let faces = done.report.faces;
+        assert!(coarse < faces && faces < fine, "{coarse} {faces} {fine}");
+        let middle = |f: usize| corners(&done.mesh, f).iter().map(|p| p[0]).sum::<f64>() / 3.0;
+        let bounds = mesh.positions().view().bounds().unwrap();
+        let half = (bounds.min[0] + bounds.max[0]) / 2.0;
+        let low = (0..faces).filter(|&f| middle(f) < half).count();
+        assert!(low > faces - low, "{low} of {faces}");
+    }
+}
+
+#[test]
+fn an_error_map_of_0_locks() {
+    let mesh = shapes::blob(4, 6);
+    let of = |p: [f64; 3]| if p[2] < 0.0 { 0.0 } else { (2.0 * p[2]).min(1.0) as f32 };
+    let shares: Vec<f32> = mesh.positions().view().iter().map(of).collect();
+    let done = simplify_with(Input::new(&mesh).error_map(&shares), &within(0.02), &mut NoControl).unwrap();
+    let kept: std::collections::HashSet<[u64; 3]> =
+        (0..done.mesh.vertex_count()).map(|v| bits(&done.mesh, v)).collect();
+    let zeros = (0..mesh.vertex_count()).filter(|&v| shares[v] == 0.0);
+    assert!(zeros.clone().all(|v| kept.contains(&bits(&mesh, v))));
+    assert_eq!(done.report.locked_vertices, zeros.count());
+    let is_fixed = |f: &usize| mesh.triangles()[*f].iter().all(|w| shares[mesh.vertex_of(*w).index()] == 0.0);
+    let fixed = (0..mesh.face_count()).filter(is_fixed).count();
+    assert!(done.report.locked_faces == fixed && fixed > 100, "{} of {fixed}", done.report.locked_faces);
+    let free = mesh.face_count() - fixed;
+    assert!(done.report.faces - fixed < free / 2, "{} of {free}", done.report.faces - fixed);
+    check_map(&mesh, &done.mesh, &shares, 0.02 * done.report.error.diagonal, true);
+}
+
+#[test]
+fn an_error_map_of_1_changes_nothing() {
+    let mesh = shapes::blob(3, 5);
+    let shares = vec![1.0; mesh.vertex_count()];
+    let options = within(0.01);
+    let mapped = simplify_with(Input::new(&mesh).error_map(&shares), &options, &mut NoControl).unwrap();
+    assert_eq!(mapped.mesh, run(&mesh, &options).mesh);
+}
+
+#[test]
+fn error_maps_are_checked() {
+    let mesh = shapes::blob(2, 1);
+    let with = |shares: &[f32], options: &SimplifyOptions| {
+        simplify_with(Input::new(&mesh).error_map(shares), options, &mut NoControl).unwrap_err()
+    };
+    let ones = vec![1.0; mesh.vertex_count()];
+    for bad in [-0.5, 1.5, f32::NAN, f32::INFINITY] {
+        let mut shares = ones.clone();
+        shares[5] = bad;
+        let got = with(&shares, &within(0.01));
+        assert!(matches!(got, SimplifyError::BadVertexValue { vertex: 5, .. }), "{got}");
+    }
+    let short = with(&ones[1..], &within(0.01));
+    assert!(matches!(short, SimplifyError::WrongLength { option: "error map", .. }), "{short}");
+    let without = with(&ones, &SimplifyOptions::new(Stop::ratio(0.5)));
+    assert_eq!(without, SimplifyError::Needs { option: "error-map", other: "error" });
+    for method in [MethodKind::Planar, MethodKind::Cluster, MethodKind::Remesh, MethodKind::VertexRemoval] {
+        let mut options = within(0.01);
+        options.method = method.into();
+        let got = with(&ones, &options);
+        assert!(matches!(got, SimplifyError::NotOfMethod { option: "error-map", .. }), "{got}");
+    }
 }

@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lodsmith_core::geometry::UnitFrame;
+use lodsmith_core::geometry::triangle::weights_at;
 use lodsmith_core::measure::Prepared;
 use lodsmith_core::measure::proof::cover::{Cover, CoverScratch};
 use lodsmith_core::measure::proof::local::{BoxedFace, FaceTest};
+use lodsmith_core::measure::proof::map::LimitMap;
 use lodsmith_core::spatial::{Bvh, Hint};
 use lodsmith_core::{FaceId, HalfEdgeId, PositionsView, Surface, VertexId};
 
@@ -65,6 +67,19 @@ pub(super) struct NearInput {
     pub(super) slot: u32,
 }
 
+/// Limits that vary over the input.
+pub(super) struct VaryingLimit {
+    /// By face of the input; the limit is that of the value 1.
+    pub(super) map: LimitMap,
+    /// The shares of the limit by vertex of the input, and their least limit in user units.
+    shares: Vec<f32>,
+    rounding: f64,
+    /// By vertex of the input: the limit in the unit frame as a share of that of the value 1.
+    values: Vec<f64>,
+    /// By sample: its squared limit.
+    limit_sq: Vec<f32>,
+}
+
 /// The limit, and what is known about the mesh.
 #[derive(Clone)]
 pub(crate) struct Bounded {
@@ -77,6 +92,8 @@ pub(crate) struct Bounded {
     pub(super) limit: f64,
     pub(super) unit_limit: f64,
     pub(super) limit_sq: f32,
+    /// Set if the limit is not the same everywhere; the limits above are the largest then.
+    pub(super) varying: Option<Arc<VaryingLimit>>,
     pub(super) samples: Vec<FaceSample>,
     /// By name of a face of the mesh: its first sample, and what was near it.
     pub(super) heads: Vec<u32>,
@@ -362,6 +379,7 @@ impl Bounded {
             limit,
             unit_limit,
             limit_sq: (unit_limit * unit_limit) as f32,
+            varying: None,
             samples,
             near,
             heads,
@@ -371,6 +389,69 @@ impl Bounded {
             tried: vec![(0, 0.0); store.merged_into.len()],
             witness: vec![END; store.merged_into.len()],
         }
+    }
+
+    /// Makes the limit vary: by shares of the vertices of the input, and by the same as a map, with the least limit of
+    /// any place in user units.
+    ///
+    /// Cost: O(n).
+    pub(crate) fn with_map(mut self, map: Option<(&[f32], (&LimitMap, f64))>) -> Self {
+        let Some((shares, (map, rounding))) = map else { return self };
+        // The least limit, less what the largest was reduced by, and less the rounding of the result.
+        let least = (self.frame.unit_length(rounding) - 2.0 * ROUNDING).max(0.0);
+        let floor = if least < self.unit_limit { least / self.unit_limit } else { 1.0 };
+        let value = |share: &f32| floor + (1.0 - floor) * f64::from(*share);
+        let mut varying = VaryingLimit {
+            map: map.with_floor(floor),
+            values: shares.iter().map(value).collect(),
+            shares: shares.to_vec(),
+            rounding,
+            limit_sq: Vec::new(),
+        };
+        let vertex_count = self.cover.topology().vertex_count();
+        let limit_sq = |s: &FaceSample| {
+            let value = match (s.home as usize).checked_sub(vertex_count) {
+                None => varying.values[s.home as usize],
+                Some(face) => {
+                    let face = FaceId::new(face);
+                    let corners = self.cover.corners(face).map(Vec3::as_dvec3);
+                    let values = self.cover.topology().triangle(face).map(|v| varying.values[v.index()]);
+                    let shares = weights_at(s.p.as_dvec3(), corners);
+                    values.iter().zip(shares).map(|(x, share)| x * share).sum()
+                }
+            };
+            let limit = self.unit_limit * value;
+            (limit * limit) as f32
+        };
+        varying.limit_sq = self.samples.iter().map(limit_sq).collect();
+        self.varying = Some(Arc::new(varying));
+        self
+    }
+
+    /// Returns the squared limit of a sample.
+    #[inline]
+    pub(super) fn limit_sq_of(&self, sample: u32) -> f32 {
+        match &self.varying {
+            None => self.limit_sq,
+            Some(varying) => varying.limit_sq[sample as usize],
+        }
+    }
+
+    /// Returns a share of the largest limit that is no more than that of any point of the input that may be the closest
+    /// one to a point of a face within the limit.
+    #[inline]
+    pub(super) fn least_near(&self, [a, b, c]: [DVec3; 3]) -> f64 {
+        let Some(varying) = &self.varying else { return 1.0 };
+        let middle = (a + b + c) / 3.0;
+        let radius = [a, b, c].iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
+        let reach = self.frame.user_length(radius) + self.limit;
+        varying.map.least_near(&self.input, self.frame.user_from_unit(middle), reach)
+    }
+
+    /// Returns the limits at the corners of a face of the input as shares of the largest, if they vary.
+    pub(super) fn values_of(&self, face: FaceId) -> Option<[f64; 3]> {
+        let varying = self.varying.as_ref()?;
+        Some(self.cover.topology().triangle(face).map(|v| varying.values[v.index()]))
     }
 
     /// Lists the samples of a face of the mesh, by its name, with their numbers.
@@ -406,7 +487,11 @@ impl Bounded {
         let mut near = u32::MAX;
         let mut is_beyond = |face: &FaceId| {
             let user = self.cover.corners(*face).map(|p| self.frame.user_from_unit(p.as_dvec3()));
-            !test.is_within(user, made, limit, &mut near)
+            let Some(varying) = &self.varying else { return !test.is_within(user, made, limit, &mut near) };
+            let floor = (varying.rounding / limit).min(1.0);
+            let value = |v: VertexId| floor + (1.0 - floor) * f64::from(varying.shares[v.index()]);
+            let values = self.cover.topology().triangle(*face).map(value);
+            !test.is_within_own(user, values, made, limit, &mut near)
         };
         let topology = self.cover.topology();
         let beyond = (0..topology.face_count()).map(FaceId::new).filter(|face| is_beyond(face));

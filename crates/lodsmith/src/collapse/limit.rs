@@ -73,8 +73,12 @@ impl<M: Metric> Engine<M> {
                 other != part && !is_gone[other]
             };
             let samples = |&face: &usize| bounded.listed(names[face]);
+            let limit_of = |i: u32| match &bounded.varying {
+                None => bounded.unit_limit,
+                Some(_) => f64::from(bounded.limit_sq_of(i)).sqrt(),
+            };
             let is_within = faces_of[part].iter().flat_map(samples).all(|(i, s)| {
-                let hit = tree.closest_of_within(s.p.as_dvec3().to_array(), bounded.unit_limit, stays);
+                let hit = tree.closest_of_within(s.p.as_dvec3().to_array(), limit_of(i), stays);
                 moved.extend(hit.map(|hit| (i, hit.face, hit.distance_sq as f32)));
                 hit.is_some()
             });
@@ -128,30 +132,30 @@ impl<M: Metric> LiveMesh<M> {
         // The sample that refused last is likely to refuse again.
         for i in ends.map(|end| bounded.witness[end.index()]) {
             if let Some(s) = bounded.samples.get(i as usize)
-                && star.nearest(s, bounded.limit_sq, store, wings).is_none()
+                && star.nearest(s, bounded.limit_sq_of(i), store, wings).is_none()
             {
                 return Err(i);
             }
         }
-        let far_sq = EXACT_SHARE * EXACT_SHARE * bounded.limit_sq;
+        let far_sq_of = |i: u32| EXACT_SHARE * EXACT_SHARE * bounded.limit_sq_of(i);
         let mut new = 0..;
         for (k, w) in wings.iter().enumerate() {
             // Mostly the face that takes the place of the old one is near enough.
             let successor = if w.both { None } else { new.next() };
             for (i, s) in bounded.listed(names[star.old[k] as usize]) {
-                let quick = successor.map(|k| nearest(s.p, &star.faces[k..=k], (far_sq, END), k));
+                let quick = successor.map(|k| nearest(s.p, &star.faces[k..=k], (far_sq_of(i), END), k));
                 let (distance_sq, to) = match quick {
                     Some(found) if found.1 != END => found,
-                    _ => star.nearest(s, bounded.limit_sq, store, wings).ok_or(i)?,
+                    _ => star.nearest(s, bounded.limit_sq_of(i), store, wings).ok_or(i)?,
                 };
                 moved.push(Moved { sample: i, to, distance_sq });
             }
         }
         input_faces.clear();
         let is_any_exact = !bounded.is_exact.is_empty();
-        for m in moved.iter().filter(|m| is_any_exact || m.distance_sq > far_sq) {
+        for m in moved.iter().filter(|m| is_any_exact || m.distance_sq > far_sq_of(m.sample)) {
             let sample = &bounded.samples[m.sample as usize];
-            let is_far = m.distance_sq > far_sq;
+            let is_far = m.distance_sq > far_sq_of(m.sample);
             let tested =
                 homes(&bounded.cover, sample).filter(|face| is_far || bounded.is_exact[face.index()]);
             input_faces.extend(tested.map(|face| (face, m.to)));
@@ -164,17 +168,29 @@ impl<M: Metric> LiveMesh<M> {
         corners.clear();
         corners.extend(star.faces.iter().map(|f| BoxedFace::new(f.corners.map(Vec3::as_dvec3))));
         for &(face, mut hint) in input_faces.iter() {
+            let (limit, values) = (bounded.unit_limit, bounded.values_of(face));
             let face = bounded.cover.corners(face).map(Vec3::as_dvec3);
-            if !test.is_within_few(face, corners, bounded.unit_limit, &mut hint) {
+            let is_within = match values {
+                None => test.is_within_few(face, corners, limit, &mut hint),
+                Some(values) => test.is_within_few_own(face, values, corners, limit, &mut hint),
+            };
+            if !is_within {
                 return Err(END);
             }
         }
         for f in star.new_faces() {
             let NearInput { mut over, mut slot } = bounded.near[names[f.face as usize] as usize];
             let unit = f.corners.map(Vec3::as_dvec3);
-            if !bounded.cover.is_over(unit, bounded.unit_limit, &mut over, cover) {
+            let limit = bounded.unit_limit * bounded.least_near(unit);
+            if !bounded.cover.is_over(unit, limit, &mut over, cover) {
                 let user = unit.map(|p| bounded.frame.user_from_unit(p));
-                if !test.is_within(user, &bounded.input, bounded.limit, &mut slot) {
+                let is_within = match &bounded.varying {
+                    None => test.is_within(user, &bounded.input, bounded.limit, &mut slot),
+                    Some(varying) => {
+                        test.is_within_map(user, (&bounded.input, &varying.map), bounded.limit, &mut slot)
+                    }
+                };
+                if !is_within {
                     return Err(END);
                 }
             }

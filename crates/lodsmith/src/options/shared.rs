@@ -53,10 +53,14 @@ impl SimplifyOptions {
         for (option, is_unknown, takers) in [
             ("topology preserve", keeps_topology && clusters, BORDER_METHODS),
             ("importance", clusters && data.importance.is_some(), GUARDED_METHODS),
+            ("error-map", clusters && data.error_map.is_some(), COLLAPSE_METHODS),
         ] {
             if is_unknown {
                 return not(option, takers);
             }
+        }
+        if data.error_map.is_some() && self.stop.error.is_none() {
+            return Err(SimplifyError::Needs { option: "error-map", other: "error" });
         }
         let second = match () {
             () if is_voxel && keeps_topology => "topology preserve",
@@ -67,7 +71,7 @@ impl SimplifyOptions {
     }
 
     /// Returns the options that most methods share: name, whether the option is set, and the methods that have it.
-    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 11] {
+    fn shared(&self, data: &MeshData<'_>) -> [(&'static str, bool, &'static [MethodKind]); 12] {
         let guards = &self.guards;
         let Guards { max_normal_deg, min_quality, max_valence, max_edge } = guards;
         [
@@ -79,6 +83,7 @@ impl SimplifyOptions {
             ("border lock", self.border == BorderPolicy::Lock, BORDER_METHODS),
             ("max-normal", max_normal_deg.is_some(), NORMAL_GUARDED_METHODS),
             ("importance", data.importance.is_some(), GUARDED_METHODS),
+            ("error-map", data.error_map.is_some(), COLLAPSE_METHODS),
             ("sharp", self.sharp_deg.is_some(), COLLAPSE_METHODS),
             ("min-quality or max-valence", min_quality.is_some() || max_valence.is_some(), GUARDED_METHODS),
             ("max-edge", max_edge.is_some(), GUARDED_METHODS),

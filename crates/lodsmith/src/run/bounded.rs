@@ -156,7 +156,10 @@ impl Run<'_, '_> {
         let mut bounded = source.visit(|points, faces| {
             let input = Arc::clone(comparer.reference());
             let kept = if comparer.is_two_sided() { Some(sampling) } else { None };
-            Bounded::new(input, self.ordered.frame, limit, (points, faces), kept, &trunk.engine.mesh.store)
+            let map = self.constraints.error_map().zip(comparer.map());
+            let frame = self.ordered.frame;
+            let bounded = Bounded::new(input, frame, limit, (points, faces), kept, &trunk.engine.mesh.store);
+            bounded.with_map(map)
         });
         bounded.max_refusals = max_refusals;
         trunk.engine.set_limit(bounded);

@@ -1,6 +1,6 @@
 //! A run: its input in order, options and goal, and the results of its passes.
 
-use lodsmith_core::{Surface, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{FaceId, Surface, TriMesh, VertexId, WedgeId};
 
 use super::goal::goal;
 use crate::collapse::order::Ordered;
@@ -12,6 +12,10 @@ use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::proposal::Proposal;
 use crate::{Simplified, SimplifyError};
+
+/// Smallest limit of a point of an error map, as a share of the largest extent: positions of a run are in single
+/// precision.
+const MAP_ROUNDING: f64 = 2e-6;
 
 /// Topology changes that a pass may make in order of cost.
 #[derive(Clone, Copy)]
@@ -112,13 +116,24 @@ impl Run<'_, '_> {
         control.stage(Stage::Measure);
         let surface = &self.input.surface;
         let cleanup = &self.ordered.cleanup;
+        let share = |shares: &[f32], v: VertexId| {
+            let place = self.ordered.rank[v.index()];
+            shares.get(place.index()).copied().unwrap_or(1.0)
+        };
+        let rounding = MAP_ROUNDING * self.ordered.frame.user_length(1.0);
+        let with_map = |surface: &Surface<'_>| {
+            let comparer = InputComparer::new(surface, self.options)?;
+            let Some(shares) = self.constraints.error_map() else { return Some(comparer) };
+            let of_face = |f: FaceId| surface.triangles()[f.index()].map(|v| share(shares, v));
+            Some(comparer.with_map(of_face, rounding))
+        };
         if cleanup.degenerate_faces + cleanup.non_finite_faces == 0 {
-            return InputComparer::new(surface, self.options);
+            return with_map(surface);
         }
         let sound = |t: &&[VertexId; 3]| self.ordered.is_sound(t);
         let triangles = surface.triangles().iter().filter(sound).copied().collect();
         let clean = Surface::with_triangles(surface.positions(), triangles).ok()?;
-        InputComparer::new(&clean, self.options)
+        with_map(&clean)
     }
 
     /// Returns the number of a wedge's vertex in the ordered input.

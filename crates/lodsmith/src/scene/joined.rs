@@ -56,6 +56,9 @@ impl<'a> JoinedScene<'a> {
         let (mesh, table) = layout.join_parts(parts)?;
         let mut options = options.clone();
         let mut data = joined_data(parts, &table);
+        if let Some(locked) = constraints::locks_of_map(&data.view()) {
+            data.locked = Some(locked);
+        }
         if let Some(touching) = &touching {
             data.locked = touching.add_locks(parts, data.locked.take());
         }
@@ -235,6 +238,7 @@ fn joined_data(parts: &[Part<'_>], table: &RegionTable) -> OwnedMeshData {
     OwnedMeshData {
         locked: all(parts, |data| data.locked, false),
         importance: all(parts, |data| data.importance, 1.0),
+        error_map: all(parts, |data| data.error_map, 1.0),
         textures: textures.iter().any(Option::is_some).then(|| Textures::of_regions(textures)),
         region_classes: has_classes.then(|| table.iter().enumerate().map(class).collect()),
         wedge_values: None,

@@ -150,7 +150,8 @@ impl SingleSided {
     }
 
     /// Returns the data of this mesh from the data of the input, which has `wedge_count` wedges. `own` pairs
-    /// the vertices of backs with vertices of fronts: a lock or importance on one side applies to both.
+    /// the vertices of backs with vertices of fronts: a lock, importance or share of the error on one side applies
+    /// to both.
     pub(super) fn data_of(
         &self,
         data: &MeshData<'_>,
@@ -159,9 +160,11 @@ impl SingleSided {
     ) -> OwnedMeshData {
         let mut locked = data.locked.map(<[bool]>::to_vec);
         let mut importance = data.importance.map(<[f32]>::to_vec);
+        let mut error_map = data.error_map.map(<[f32]>::to_vec);
         for [back, front] in own.iter().map(|both| both.map(VertexId::index)) {
             locked.iter_mut().for_each(|all| all[front] |= all[back]);
             importance.iter_mut().for_each(|all| all[front] = all[front].max(all[back]));
+            error_map.iter_mut().for_each(|all| all[front] = all[front].min(all[back]));
         }
         let textures = data
             .textures
@@ -182,7 +185,7 @@ impl SingleSided {
             };
             self.wedges.iter().flat_map(of_front).copied().collect()
         });
-        OwnedMeshData { locked, importance, textures, region_classes, wedge_values }
+        OwnedMeshData { locked, importance, error_map, textures, region_classes, wedge_values }
     }
 }
 
