@@ -65,7 +65,8 @@ def keyword(option):
 
 
 def keywords(without=()):
-    run = ["locked: Optional[ArrayLike] = ...", "importance: Optional[ArrayLike] = ...", f"progress: {PROGRESS} = ..."]
+    run = ["locked: Optional[ArrayLike] = ...", "importance: Optional[ArrayLike] = ..."]
+    run += ["error_map: Optional[ArrayLike] = ...", f"progress: {PROGRESS} = ..."]
     run.append("time_limit: Optional[float] = ...")
     return [k for k in run if k.partition(":")[0] not in without] + [
         keyword(option) for option in lodsmith.options() if option["name"] not in without

@@ -366,6 +366,8 @@ typedef struct lodsmith_mesh_view {
   const uint8_t *locked;
   // Importance of each vertex, 1 is neutral, without gaps; may be null.
   const float *importance;
+  // Share of the error limit at each vertex, from 0 (keep) to 1, without gaps; may be null.
+  const float *error_map;
 } lodsmith_mesh_view;
 
 // A length with its unit; `LODSMITH_UNIT_NONE` if it is not set.

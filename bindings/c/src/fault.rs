@@ -53,7 +53,9 @@ impl From<SimplifyError> for Fault {
         let code = match error {
             SimplifyError::NoFaces { .. } => LODSMITH_ERROR_MESH,
             SimplifyError::Cancelled => LODSMITH_ERROR_CANCELLED,
-            SimplifyError::Mesh(_) | SimplifyError::WrongLength { .. } => LODSMITH_ERROR_ARGUMENT,
+            SimplifyError::Mesh(_)
+            | SimplifyError::WrongLength { .. }
+            | SimplifyError::BadVertexValue { .. } => LODSMITH_ERROR_ARGUMENT,
             _ => LODSMITH_ERROR_OPTION,
         };
         Self { code, text: error.to_string() }

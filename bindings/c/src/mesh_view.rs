@@ -90,6 +90,8 @@ pub struct LodsmithMeshView {
     pub locked: *const u8,
     /// Importance of each vertex, 1 is neutral, without gaps; may be null.
     pub importance: *const f32,
+    /// Share of the error limit at each vertex, from 0 (keep) to 1, without gaps; may be null.
+    pub error_map: *const f32,
 }
 
 // SAFETY: `repr(C)`, all fields are numbers and pointers, and the first is a `usize`.
@@ -118,6 +120,7 @@ impl LodsmithMeshView {
         regions: ptr::null(),
         locked: ptr::null(),
         importance: ptr::null(),
+        error_map: ptr::null(),
     };
 
     /// Copies the mesh.
@@ -192,7 +195,7 @@ impl LodsmithMeshView {
         Ok(all)
     }
 
-    /// Adds the locks and the importance of vertices in the view.
+    /// Adds the locks, the importance and the error map of vertices in the view.
     ///
     /// # Safety
     /// All buffers that are not null must have their extents.
@@ -203,6 +206,8 @@ impl LodsmithMeshView {
             data.locked = locked.map(|rows| rows.numbers().into_iter().map(|x| x != 0).collect());
             let importance = Rows::new("importance", self.importance, [self.vertex_count, 1, 4])?;
             data.importance = importance.map(|rows| rows.numbers());
+            let shares = Rows::new("error map", self.error_map, [self.vertex_count, 1, 4])?;
+            data.error_map = shares.map(|rows| rows.numbers());
         }
         Ok(())
     }

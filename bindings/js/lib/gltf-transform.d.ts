@@ -5,7 +5,7 @@ import type { Report } from './report.js';
 export { LodsmithSimplifier } from './simplifier.js';
 
 /** Options of the transform. */
-export interface LodsmithOptions extends Omit<SimplifyOptions, 'locked' | 'importance'> {
+export interface LodsmithOptions extends Omit<SimplifyOptions, 'locked' | 'importance' | 'errorMap'> {
   /** Called with the report of the run. */
   onReport?: (report: Report) => void;
 }

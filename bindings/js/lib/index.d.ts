@@ -55,6 +55,8 @@ export interface SimplifyOptions extends EngineOptions {
   locked?: Uint8Array;
   /** For each vertex, the factor on the density of triangles around it. */
   importance?: Float32Array;
+  /** For each vertex, its share of the limit `error`, from 0 (keep the vertex) to 1. */
+  errorMap?: Float32Array;
   /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
   onProgress?: (done: number, stage: string) => boolean | void;
 }

@@ -108,6 +108,11 @@ pub(crate) fn vertices_of(all: Vec<Property>) -> Result<(Option<OwnedMeshData>, 
                 data.importance =
                     Some(factors.ok_or_else(|| wrong_type("importance: a Float32Array is expected"))?);
             }
+            ("errorMap", false) => {
+                let shares = value.dyn_ref::<Float32Array>().map(Float32Array::to_vec);
+                data.error_map =
+                    Some(shares.ok_or_else(|| wrong_type("errorMap: a Float32Array is expected"))?);
+            }
             _ => others.push((name, value)),
         }
     }

@@ -22,6 +22,7 @@ pub(crate) struct RunKeywords<'py> {
     options: Bound<'py, PyDict>,
     locked: Option<PyReadonlyArray1<'py, bool>>,
     importance: Option<PyReadonlyArray1<'py, f32>>,
+    error_map: Option<PyReadonlyArray1<'py, f32>>,
     progress: Option<Py<PyAny>>,
     pub(crate) time_limit: Option<f64>,
 }
@@ -38,12 +39,14 @@ impl RunKeywords<'_> {
         by_name::from_names(&values).map_err(|e| option_error(&e))
     }
 
-    /// Returns the locks and the importance of vertices.
+    /// Returns the locks, the importance and the error map of vertices.
     pub(crate) fn data(&self) -> PyResult<OwnedMeshData> {
         let mut data = OwnedMeshData::default();
         data.locked = self.locked.as_ref().map(|own| own.as_slice().map(<[bool]>::to_vec)).transpose()?;
         data.importance =
             self.importance.as_ref().map(|own| own.as_slice().map(<[f32]>::to_vec)).transpose()?;
+        data.error_map =
+            self.error_map.as_ref().map(|own| own.as_slice().map(<[f32]>::to_vec)).transpose()?;
         Ok(data)
     }
 

@@ -256,8 +256,8 @@ impl Asset {
         Ok(())
     }
 
-    /// Returns the data of the meshes that a run simplifies: locks, importance and images, and warnings about images
-    /// that are left out.
+    /// Returns the data of the meshes that a run simplifies (locks, importance, error maps and images), and warnings
+    /// about images that are left out.
     ///
     /// # Errors
     /// [`AssetError::Name`] if a name is not found.
@@ -455,6 +455,11 @@ impl Asset {
             data.locked = of_mesh.locked.map(|all| of.iter().map(|v| v.iter().any(|&v| all[v])).collect());
             data.importance = of_mesh.importance.map(|all| {
                 of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(f32::max).unwrap_or(1.0)).collect()
+            });
+            // (A value that is not a number stays one, so that it is reported.)
+            let least = |x: f32, y: f32| if y.is_nan() || y < x { y } else { x };
+            data.error_map = of_mesh.error_map.map(|all| {
+                of.iter().map(|v| v.iter().map(|&v| all[v]).reduce(least).unwrap_or(1.0)).collect()
             });
         }
         self.head.warnings.extend(lost);

@@ -1,4 +1,4 @@
-//! Conversion of the names of locked and important parts to vertices of the input.
+//! Conversion of the names of locked and important parts and of error maps to vertices of the input.
 
 use lodsmith::OwnedMeshData;
 use lodsmith_core::{RegionId, Semantic, TriMesh, WedgeId};
@@ -14,6 +14,8 @@ pub struct PartNames {
     pub lock: Vec<String>,
     /// The attribute that determines where more triangles are kept.
     pub importance: Option<Importance>,
+    /// The attribute that is the share of the error limit at each vertex, from 0 to 1.
+    pub error_map: Option<String>,
 }
 
 /// A vertex attribute, and how much denser the result is where it is 1.
@@ -47,10 +49,10 @@ struct NamedMesh<'a> {
 /// Returns the names of vertex properties that have to be read in addition to the mesh.
 pub fn properties(names: &PartNames) -> Vec<String> {
     let importance = names.importance.as_ref().map(|i| i.name.clone());
-    names.lock.iter().cloned().chain(importance).collect()
+    names.lock.iter().cloned().chain(importance).chain(names.error_map.clone()).collect()
 }
 
-/// Returns locks, importance and region classes of a mesh.
+/// Returns locks, importance, error maps and region classes of a mesh.
 ///
 /// # Errors
 /// If a name is not found; the error lists the names that exist.
@@ -83,7 +85,7 @@ pub fn of_mesh(names: &PartNames, loaded: &Loaded) -> Result<OwnedMeshData, Asse
     Ok(own)
 }
 
-/// Returns locks and importance of the meshes of a scene with these indices.
+/// Returns locks, importance and error maps of the meshes of a scene with these indices.
 ///
 /// # Errors
 /// Those of [`of_mesh`].
@@ -161,6 +163,13 @@ fn constraints(
             own.importance = values.map(|v| v.into_iter().map(density).collect());
         }
     }
+    if let Some(name) = &names.error_map {
+        let values: Vec<_> = all.iter().map(|n| n.least_values(name)).collect();
+        if values.iter().all(Option::is_none) {
+            return Err(unknown("--error-map", name, Vec::new()));
+        }
+        data.iter_mut().zip(values).for_each(|(own, values)| own.error_map = values);
+    }
     Ok(data)
 }
 
@@ -192,27 +201,41 @@ impl NamedMesh<'_> {
     /// Returns the values of a name at the vertices; if a vertex has several values, the value farthest from 0. NaN and
     /// infinity count as 0.
     fn values(&self, name: &str) -> Option<Vec<f32>> {
+        self.folded(name, 0.0, |value, x| if x.is_finite() && x.abs() > value.abs() { x } else { value })
+    }
+
+    /// As [`NamedMesh::values`], but the least value, and NaN if one is; 1 for a vertex without a value.
+    fn least_values(&self, name: &str) -> Option<Vec<f32>> {
+        self.folded(name, f32::INFINITY, |value, x| if x.is_nan() || x < value { x } else { value })
+            .map(|all| all.into_iter().map(|x| if x == f32::INFINITY { 1.0 } else { x }).collect())
+    }
+
+    /// Combines all values of a name at each vertex.
+    fn folded(&self, name: &str, first: f32, fold: impl Fn(f32, f32) -> f32) -> Option<Vec<f32>> {
         if let Some((_, values)) = self.properties.iter().find(|p| p.0 == name) {
-            return Some(values.iter().map(|&x| if x.is_finite() { x } else { 0.0 }).collect());
+            return Some(values.iter().map(|&x| fold(first, x)).collect());
         }
         let mesh = self.mesh;
         if let (Some(channel), Some(colors)) = (CHANNELS.iter().position(|c| *c == name), mesh.colors()) {
-            return Some(self.farthest_from_0(|w| &colors[w.index()][channel..=channel]));
+            return Some(self.folded_wedges(first, fold, |w| &colors[w.index()][channel..=channel]));
         }
         // glTF prefixes custom attributes with an underscore.
         let is_meant =
             |s: &Semantic| s.name().is_some_and(|own| own == name || own.strip_prefix('_') == Some(name));
         let attribute = mesh.further_attributes().iter().find(|a| is_meant(&a.semantic))?;
-        Some(self.farthest_from_0(|w| attribute.of(w)))
+        Some(self.folded_wedges(first, fold, |w| attribute.of(w)))
     }
 
-    fn farthest_from_0<'v>(&self, of: impl Fn(WedgeId) -> &'v [f32]) -> Vec<f32> {
-        let mut values = vec![0f32; self.mesh.vertex_count()];
+    fn folded_wedges<'v>(
+        &self,
+        first: f32,
+        fold: impl Fn(f32, f32) -> f32,
+        of: impl Fn(WedgeId) -> &'v [f32],
+    ) -> Vec<f32> {
+        let mut values = vec![first; self.mesh.vertex_count()];
         for w in (0..self.mesh.wedge_count()).map(WedgeId::new) {
             let value = &mut values[self.mesh.vertex_of(w).index()];
-            for &x in of(w).iter().filter(|x| x.is_finite()) {
-                *value = if x.abs() > value.abs() { x } else { *value };
-            }
+            *value = of(w).iter().fold(*value, |value, x| fold(value, *x));
         }
         values
     }

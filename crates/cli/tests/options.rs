@@ -231,6 +231,29 @@ fn vertex_attributes_lock_and_weight() {
 }
 
 #[test]
+fn a_vertex_attribute_is_an_error_map() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("hills.ply", &marked_hills(20));
+    let run = |options: &str| {
+        let line = format!("simplify hills.ply -o low.ply --error 5% {options} --json");
+        let outcome = sandbox.run(&line).with_status(0);
+        let report = &outcome.objects()[0];
+        (report["output"]["faces"].as_u64().expect("a count"), report["locked"]["vertices"].as_u64())
+    };
+    let (plain, (mapped, locked)) = (run("").0, run("--error-map lock"));
+    assert!(plain < mapped && mapped < 700, "{plain} {mapped}");
+    // The half where the attribute is 0 is kept.
+    assert_eq!(locked, Some(231));
+    sandbox.run("simplify hills.ply -o x.ply --faces 9 --error-map lock").with_status(2);
+    sandbox.run("simplify hills.ply -o x.ply --error 1% --method planar --error-map lock").with_status(2);
+    for (name, wanted) in [("heat", "lock, rank"), ("rank", "from 0 to 1, not")] {
+        let line = format!("simplify hills.ply -o x.ply --error 1% --error-map {name}");
+        let outcome = sandbox.run(&line).with_status(1).with_one_error();
+        assert!(outcome.stderr.contains(wanted), "{}", outcome.stderr);
+    }
+}
+
+#[test]
 fn a_part_of_a_scene_is_locked_by_its_names() {
     let sandbox = CliSandbox::new();
     sandbox.put("hills.ply", &hills(10));

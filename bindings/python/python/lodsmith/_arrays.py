@@ -272,7 +272,7 @@ def from_native(kind: type, made: Dict[str, Any], like: Optional[MeshArrays], se
     return mesh
 
 
-def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress: Any, time_limit: Any, mesh: MeshArrays) -> Any:
+def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, error_map: Any, progress: Any, time_limit: Any, mesh: MeshArrays) -> Any:
     """Return the keywords of a run as the engine takes them."""
     if locked is not None:
         locked = np.asarray(locked)
@@ -281,10 +281,17 @@ def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, progress:
         locked = _list("locked", locked, np.bool_, mesh)
     if importance is not None:
         importance = _list("importance", np.asarray(importance), np.float32, mesh)
+    if error_map is not None:
+        error_map = _list("error_map", np.asarray(error_map), np.float32, mesh)
     if time_limit is not None and not (np.isfinite(time_limit) and time_limit > 0):
         raise ValueError(f"time_limit: a number of seconds above 0 is expected, not {time_limit}")
     return SimpleNamespace(
-        options=options, locked=locked, importance=importance, progress=progress, time_limit=time_limit
+        options=options,
+        locked=locked,
+        importance=importance,
+        error_map=error_map,
+        progress=progress,
+        time_limit=time_limit,
     )
 
 

@@ -16,7 +16,7 @@ from ._kinds import arguments
 from ._mesh import Mesh, load
 from ._progress import Reporting
 
-_RUN = ("attributes", "locked", "importance", "progress", "time_limit")
+_RUN = ("attributes", "locked", "importance", "error_map", "progress", "time_limit")
 
 
 class SourceMap:
@@ -168,6 +168,7 @@ def simplify(
     attributes: Optional[Mapping[str, Any]] = None,
     locked: Any = None,
     importance: Any = None,
+    error_map: Any = None,
     progress: Any = None,
     time_limit: Optional[float] = None,
     **options: Any,
@@ -186,6 +187,8 @@ def simplify(
         Vertices that keep their position and attributes, bit for bit.
     importance : array, shape (n,), optional
         Density of triangles around each vertex, relative to other places of the same shape; 1 is neutral.
+    error_map : array, shape (n,), optional
+        Share of the limit ``error`` at each vertex, from 0 (keep the vertex) to 1.
     progress : function, ``tqdm`` bar or True, optional
         Called as ``progress(done, stage)`` a few times a second, ``done`` from 0 to 1; True shows a bar of tqdm.
     time_limit : float, optional
@@ -224,7 +227,7 @@ def simplify(
     check_names(options, "simplify", _RUN)
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
-        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
+        keywords = keywords_of(options, locked, importance, error_map, reporting.callback, time_limit, given)
         sent = to_native(given, scaled=True)
         made = _native.simplify(sent, keywords)
     result = _result(made, given, sent)
@@ -249,6 +252,7 @@ def lod(
     attributes: Optional[Mapping[str, Any]] = None,
     locked: Any = None,
     importance: Any = None,
+    error_map: Any = None,
     progress: Any = None,
     time_limit: Optional[float] = None,
     **options: Any,
@@ -293,7 +297,7 @@ def lod(
         pixels=pixels, fov=fov, height=height,
     )
     with Reporting(progress) as reporting:
-        keywords = keywords_of(options, locked, importance, reporting.callback, time_limit, given)
+        keywords = keywords_of(options, locked, importance, error_map, reporting.callback, time_limit, given)
         sent = to_native(given, scaled=True)
         made, geomorphs = _native.lod(sent, requested, keywords)
     _warn(made)
@@ -334,6 +338,7 @@ class Progressive:
         attributes: Optional[Mapping[str, Any]] = None,
         locked: Any = None,
         importance: Any = None,
+        error_map: Any = None,
         progress: Any = None,
         **options: Any,
     ) -> None:
@@ -341,7 +346,7 @@ class Progressive:
         check_names(options, "Progressive", _RUN[:-1])
         given, self._kind, self._own = arguments(mesh, triangles, attributes)
         with Reporting(progress) as reporting:
-            keywords = keywords_of(options, locked, importance, reporting.callback, None, given)
+            keywords = keywords_of(options, locked, importance, error_map, reporting.callback, None, given)
             # (Not scaled: a file has the original values.)
             self._sent = to_native(given)
             self._mesh = _native.ProgressiveMesh.build(self._sent, keywords)

@@ -30,7 +30,7 @@ pub struct FileOptions {
     pub from: Option<Format>,
     pub(super) asset_root: Option<PathBuf>,
     pub(super) allow_outside: bool,
-    /// Names of parts with locks or importance.
+    /// Names of parts with locks, importance or an error map.
     pub names: PartNames,
     /// Normals of the result.
     pub normals: Normals,

@@ -73,6 +73,10 @@ file_options! {
          1, STRENGTH times as many per area as at 0 [default STRENGTH: 4]"
         |o, v| o.names.importance = Some(parsed(v, importance)?);
 
+    "error-map" (Text) ENGINE Simplification "NAME"
+        "Multiply the limit of --error by a vertex attribute, from 0 (keep unchanged) to 1"
+        |o, v| o.names.error_map = Some(parsed(v, |text| Ok(text.to_owned()))?);
+
     "bake" (List(&Word(names::<MapKind>))) ENGINE Baking "MAPS"
         "Bake the lost detail into textures of these kinds, see `lodsmith bake --help` [default: none]"
         |o, v| o.add_map(word(v)?);
