@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use lodsmith::Stop;
+use lodsmith::{Length, Stop};
 use serde::{Deserialize, Serialize};
 
 use crate::settings::bake::BakeSettings;
@@ -64,6 +64,8 @@ pub enum SimplifyTarget {
     Ratio(f64),
     /// Deviation, as a fraction of the diagonal.
     Error(f64),
+    /// Deviation, in units of the file.
+    Distance(f64),
 }
 
 impl SimplifyTarget {
@@ -74,7 +76,8 @@ impl SimplifyTarget {
             Self::Faces(n) => Stop::faces(n),
             Self::Vertices(n) => Stop::vertices(n),
             Self::Ratio(r) => Stop::ratio(r),
-            Self::Error(share) => Stop::error(lodsmith::Length::OfDiagonal(share)),
+            Self::Error(share) => Stop::error(Length::OfDiagonal(share)),
+            Self::Distance(distance) => Stop::error(Length::Units(distance)),
         }
     }
 }

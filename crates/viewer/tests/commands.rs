@@ -244,6 +244,7 @@ fn everything_is_undone_and_redone() {
         Command::Turn(Turn([0.0, 0.0, 1.0, 0.0])),
         Command::Playback(Playback { speed: 0.5, ..Playback::default() }),
         Command::Target(SimplifyTarget::Error(0.01)),
+        Command::Target(SimplifyTarget::Distance(0.05)),
         Command::Open(vec![folder.path().join("torus.obj")]),
         Command::Target(SimplifyTarget::Vertices(200)),
     ] {

@@ -17,8 +17,10 @@ use eframe::egui::Role;
 use eframe::egui::{self, Key, KeyboardShortcut, Modifiers};
 use egui_kittest::kittest::Queryable;
 use harness::AppHarness;
+use lodsmith::Length;
 use lodsmith_render::Shading;
 use lodsmith_viewer::command::Command;
+use lodsmith_viewer::document::target_scale::Unit;
 use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::panel::keys::{Action, BINDINGS};
 use lodsmith_viewer::settings::{Appearance, Backdrop, EnvironmentChoice, Sides};
@@ -101,9 +103,35 @@ fn a_held_slider_shows_levels_at_once() {
 }
 
 #[test]
+fn arrow_keys_move_the_focused_slider_in_every_unit() {
+    let Some(mut window) = AppHarness::open("torus.obj") else { return };
+    for (unit, name) in Unit::ALL {
+        window.press(Key::R);
+        window.click(name);
+        let camera = window.app().orbits();
+        window.harness.get_by_label("Target slider").focus();
+        window.harness.run_steps(2);
+        let stop = |window: &AppHarness| window.app().document().settings().simplify.options.stop;
+        let mut seen = vec![stop(&window)];
+        for key in [Key::ArrowLeft, Key::ArrowDown, Key::ArrowRight] {
+            window.press(key);
+            seen.push(stop(&window));
+            assert_eq!(Unit::of(window.app().document().settings()), Some(unit));
+            let lighter = window.app().document().lighter();
+            assert!(lighter.is_some_and(|l| l.content.report.is_some()), "no run followed");
+        }
+        assert!(seen[0] != seen[1] && seen[1] != seen[2] && seen[2] != seen[3], "{seen:?}");
+        assert_eq!(window.app().orbits(), camera, "the keys turn the camera too");
+        window.press(Key::Escape);
+    }
+}
+
+#[test]
 fn a_count_can_be_typed_in_every_unit() {
     let Some(mut window) = AppHarness::open("sphere.ply") else { return };
-    for (unit, text) in [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%")] {
+    for (unit, text) in
+        [("Faces", "1,000"), ("Vertices", "402"), ("Percent", "10"), ("Error", "0.5%"), ("Distance", "0.02")]
+    {
         window.click(unit);
         window.write("Target", text);
         window.press(Key::Enter);
@@ -112,9 +140,11 @@ fn a_count_can_be_typed_in_every_unit() {
             stop.faces == Some(1000),
             stop.vertices == Some(402),
             stop.ratio == Some(0.1),
-            stop.error.is_some(),
+            stop.error == Some(Length::OfDiagonal(0.005)),
+            stop.error == Some(Length::Units(0.02)),
         ];
-        let which = ["Faces", "Vertices", "Percent", "Error"].iter().position(|u| *u == unit).unwrap();
+        let which =
+            ["Faces", "Vertices", "Percent", "Error", "Distance"].iter().position(|u| *u == unit).unwrap();
         assert!(is_set[which], "{unit}: {stop:?}");
         assert!(window.faces().is_some_and(|n| n < 10_000), "{unit}: {:?}", window.faces());
     }

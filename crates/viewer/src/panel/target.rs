@@ -1,10 +1,11 @@
 //! The wide slider under the pictures: target and status.
 
-use eframe::egui::{self, Rect, Sense, Ui, Vec2, pos2};
+use eframe::egui::accesskit;
+use eframe::egui::{self, Key, Modifiers, Rect, Response, Sense, Ui, Vec2, pos2};
 
 use super::{PanelContext, widgets};
 use crate::command::Command;
-use crate::document::target_scale::{ERROR_RANGE, MIN_FACES, OriginalSize, Unit, text_of};
+use crate::document::target_scale::{OriginalSize, Unit, text_of};
 use crate::numbers::percent;
 use crate::panel::keys::Action;
 use crate::theme::{palette, weak};
@@ -24,12 +25,12 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) -> Unit {
             let shown = Unit::ALL.iter().find(|u| u.0 == unit).map_or("", |u| u.1);
             egui::ComboBox::from_id_salt("unit").width(72.0).selected_text(shown).show_ui(ui, |ui| {
                 for (each, name) in Unit::ALL {
-                    ui.selectable_value(&mut unit, each, name);
+                    ui.selectable_value(&mut unit, each, name).on_hover_text(each.tip());
                 }
             });
         } else {
             for (each, name) in Unit::ALL {
-                if widgets::segment(ui, name, unit == each, "Unit of the slider") {
+                if widgets::segment(ui, name, unit == each, each.tip()) {
                     unit = each;
                 }
             }
@@ -111,19 +112,7 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
     }
 }
 
-/// Tick marks of the slider, in percent of the faces.
-const PERCENT_TICKS: [(f64, &str); 9] = [
-    (1.0, "100 %"),
-    (0.5, "50"),
-    (0.25, "25"),
-    (0.1, "10"),
-    (0.05, "5"),
-    (0.01, "1"),
-    (0.001, "0.1"),
-    (0.0001, "0.01"),
-    (0.00001, "0.001"),
-];
-
+/// Draws the slider, which sets the target.
 fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize>, unit: Unit) {
     let size = Vec2::new(ui.available_width(), 40.0);
     let (rect, mut response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -144,24 +133,7 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
     let font = egui::TextStyle::Small.resolve(ui.style());
     if let Some(whole) = whole {
         let mut free = f32::INFINITY;
-        let marks: Vec<(f64, String)> = match unit {
-            Unit::Error => [10.0, 1.0, 0.1, 0.01, 0.001]
-                .map(|p: f64| {
-                    (
-                        ((p / 100.0 / ERROR_RANGE[1]).ln() / (ERROR_RANGE[0] / ERROR_RANGE[1]).ln()),
-                        format!("{p} %"),
-                    )
-                })
-                .into_iter()
-                .rev()
-                .collect(),
-            _ => PERCENT_TICKS
-                .iter()
-                .filter(|m| m.0 * whole.faces as f64 >= MIN_FACES)
-                .map(|m| (whole.slider_position_of_faces(m.0 * whole.faces as f64), m.1.to_owned()))
-                .collect(),
-        };
-        for (place, text) in marks {
+        for (place, text) in whole.ticks(unit) {
             let x = x_of(place);
             painter.vline(x, rail.bottom() + 3.0..=rail.bottom() + 7.0, egui::Stroke::new(1.0, p.weak));
             let galley = painter.layout_no_wrap(text, font.clone(), p.weak);
@@ -174,7 +146,7 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
         // Mark of the result, if it differs from the target.
         if let Some(lighter) = scope.document.lighter() {
             let x = x_of(whole.slider_position_of_faces(lighter.content.faces as f64));
-            if unit != Unit::Error && at.is_some_and(|at| (x - x_of(at)).abs() > 3.0) {
+            if !unit.is_error() && at.is_some_and(|at| (x - x_of(at)).abs() > 3.0) {
                 let mark = [
                     pos2(x, rail.top() - 1.0),
                     pos2(x - 4.0, rail.top() - 8.0),
@@ -212,4 +184,31 @@ fn slider(ui: &mut Ui, scope: &mut PanelContext<'_>, whole: Option<&OriginalSize
         }
         response.mark_changed();
     }
+    let steps = pressed_steps(ui, &response);
+    if steps != 0
+        && let Some(target) = whole.stepped(settings, result.as_ref(), unit, steps)
+    {
+        scope.command(Command::Target(target));
+        response.mark_changed();
+    }
+}
+
+/// Returns the steps to the right that arrow keys ask for while the slider has the focus, or a screen reader.
+fn pressed_steps(ui: &Ui, response: &Response) -> i32 {
+    use accesskit::Action::{Decrement, Increment};
+    ui.ctx().accesskit_node_builder(response.id, |node| {
+        node.add_action(Increment);
+        node.add_action(Decrement);
+    });
+    let asked = |action| ui.input(|i| i.num_accesskit_action_requests(response.id, action)) as i32;
+    let mut steps = asked(Increment) - asked(Decrement);
+    if response.has_focus() {
+        let filter =
+            egui::EventFilter { horizontal_arrows: true, vertical_arrows: true, ..Default::default() };
+        ui.memory_mut(|m| m.set_focus_lock_filter(response.id, filter));
+        let pressed = |key| ui.input_mut(|i| i.count_and_consume_key(Modifiers::NONE, key)) as i32;
+        steps += pressed(Key::ArrowRight) + pressed(Key::ArrowUp);
+        steps -= pressed(Key::ArrowLeft) + pressed(Key::ArrowDown);
+    }
+    steps
 }

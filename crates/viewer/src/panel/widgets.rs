@@ -155,7 +155,8 @@ pub fn text_field(
     let id = ui.scope_id().with(("typed", name));
     let kept: Option<String> = ui.data(|d| d.get_temp(id));
     let mut text = kept.clone().unwrap_or_else(|| now.to_owned());
-    let good = is_good(&text);
+    // A shown value may be one that cannot be typed, such as an error of 0.
+    let good = text == now || is_good(&text);
     let mut edit = egui::TextEdit::singleline(&mut text)
         .id(id)
         .desired_width(width - 2.0 * SPACING)
