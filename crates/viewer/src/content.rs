@@ -208,6 +208,8 @@ pub struct Lighter {
     pub warnings: Vec<String>,
     /// Its baked maps.
     pub baked: Option<Arc<BakedMaps>>,
+    /// Estimate of the largest distance from the original; only for a level of a progressive mesh.
+    pub largest_estimate: Option<f64>,
     estimate: f64,
     prepared: PreparedMeshes,
 }
@@ -302,6 +304,7 @@ impl Lighter {
             seconds,
             warnings,
             baked: None,
+            largest_estimate: None,
             estimate,
             prepared,
         }
@@ -325,6 +328,7 @@ impl Lighter {
             seconds: self.seconds,
             warnings: self.warnings.iter().cloned().chain(warnings).collect(),
             baked: Some(baked),
+            largest_estimate: self.largest_estimate,
             estimate: self.estimate,
         }
     }

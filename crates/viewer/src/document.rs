@@ -546,7 +546,6 @@ impl Document {
                         self.log.warn(warning.clone());
                     }
                     (self.lighter, self.needs_exact_run) = (Some(lighter), false);
-                    self.learn_peak_ratio();
                 }
                 Ok(_) | Err(Failure::Cancelled) => {}
                 Err(Failure::Error(why)) => self.fail(why),

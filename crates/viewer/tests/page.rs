@@ -216,6 +216,27 @@ fn the_slider_shows_levels_of_the_engine_behind_a_page() {
     assert_eq!(shown[0], shown[1]);
 }
 
+/// The page holds no progressive mesh, and the level within an error is found by its worker.
+#[test]
+fn the_slider_of_an_error_shows_the_same_level_behind_a_page() {
+    let folder = folder();
+    let (_, documents) = both();
+    let shown = documents.map(|mut document| {
+        run(&mut document, Command::Open(vec![folder.path().join("torus.glb")]));
+        document.run(Command::Target(SimplifyTarget::Error(0.01)));
+        while document.lighter().is_none() {
+            document.poll();
+        }
+        let level = document.lighter().unwrap().content.clone();
+        assert!(document.shows_preview(), "a run was begun");
+        let limit = document.error_limit().unwrap();
+        assert!(level.largest_estimate.is_some_and(|d| d > 0.0 && d <= limit * (1.0 + 1e-9)), "{limit}");
+        assert!(document.settle(TIMEOUT) && !document.shows_preview());
+        (level.faces, level.largest_estimate)
+    });
+    assert_eq!(shown[0], shown[1]);
+}
+
 /// The worker of the slider has read the first file and does not know that another file has its name.
 #[test]
 fn the_slider_follows_a_file_that_is_opened_again() {

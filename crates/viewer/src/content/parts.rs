@@ -99,6 +99,7 @@ impl LighterParts {
         let lighter = Lighter {
             prepared: PreparedMeshes::of(&model),
             baked: None,
+            largest_estimate: None,
             model,
             faces: self.faces,
             vertices: self.vertices,

@@ -1,5 +1,7 @@
 //! Preview of the slider: a progressive mesh that shows any level at once, until the exact run is done.
 
+mod level_distances;
+
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,6 +11,7 @@ use lodsmith_core::{MeshError, Model, TriMesh};
 use serde::{Deserialize, Serialize};
 use web_time::Instant;
 
+use crate::content::slider_preview::level_distances::LevelDistances;
 use crate::content::{Lighter, Original};
 use crate::gpu::Context;
 use crate::gpu::shown::{Drawing, ShownModel};
@@ -18,10 +21,6 @@ use crate::settings::simplification::Simplification;
 /// over 0.1 s. (Measured on horse: about 40 ms of processor time a jump and 0.6 GB at the most for a
 /// million.)
 pub const MAX_FACES: usize = 2_000_000;
-
-/// Ratio of largest to RMS distance, until a run has measured it for the model. (Measured: 7 to 13 on cow,
-/// bunny, nefertiti and spot at errors of 0.5 and 2 % of the diagonal, 9 to 26 at 0.1 %.)
-const DEFAULT_PEAK_RATIO: f64 = 8.0;
 
 /// Progressive mesh of a model, with the GPU buffers of the present level.
 pub struct SliderPreview {
@@ -33,7 +32,7 @@ pub struct SliderPreview {
     view: LevelView,
     /// True if the normals of the original are shown.
     keeps_normals: bool,
-    peak_ratio: f64,
+    distances: LevelDistances,
 }
 
 /// The present level of a progressive mesh on the screen.
@@ -49,8 +48,8 @@ pub struct LevelChange {
     meshes: Vec<ChangedMesh>,
     /// Number of triangles and vertices over all mesh instances.
     counts: [usize; 2],
-    /// Estimate of the RMS distance from the original.
-    estimate: f64,
+    /// Estimates of the RMS and of the largest distance from the original.
+    estimates: [f64; 2],
     /// Time to make it in seconds.
     seconds: f64,
 }
@@ -67,10 +66,10 @@ struct ChangedMesh {
 }
 
 impl SliderPreview {
-    /// Builds the progressive mesh of a model; target and effort do not matter.
+    /// Builds the progressive mesh of a model and measures some of its levels; target and effort do not matter.
     ///
     /// # Errors
-    /// As [`ProgressiveScene::build`].
+    /// As [`ProgressiveScene::build`]; [`AssetError::Cancelled`].
     pub fn build(
         original: &Original,
         how: &Simplification,
@@ -83,7 +82,8 @@ impl SliderPreview {
         options.per_mesh &= asset.scene().is_some();
         let (meshes, diagonal) = (asset.simplified_meshes(), asset.diagonal());
         let data = vec![OwnedMeshData::default(); meshes.len()];
-        let scene = ProgressiveScene::build(&asset.parts(&data), diagonal, &options, control)?;
+        let mut scene = ProgressiveScene::build(&asset.parts(&data), diagonal, &options, control)?;
+        let distances = LevelDistances::measure(&mut scene, original, &meshes, control)?;
         let keeps_normals = how.normals == Normals::Keep;
         let mut all: Vec<Arc<TriMesh>> = original.model().meshes.iter().map(|m| m.mesh.clone()).collect();
         for (progressive, &mesh) in scene.meshes().iter().zip(&meshes) {
@@ -91,22 +91,12 @@ impl SliderPreview {
         }
         let model = original.model().with_meshes(all);
         let view = LevelView::new(model, context);
-        Ok(Self { scene, meshes, diagonal, view, keeps_normals, peak_ratio: DEFAULT_PEAK_RATIO })
+        Ok(Self { scene, meshes, diagonal, view, keeps_normals, distances })
     }
 
     /// Returns the number of levels.
     pub fn levels(&self) -> usize {
         self.scene.top() + 1
-    }
-
-    /// Copies the ratio of largest to RMS distance from a measured run.
-    pub fn learn_peak_ratio(&mut self, run: &Lighter) {
-        self.peak_ratio = peak_ratio_of(run).unwrap_or(self.peak_ratio);
-    }
-
-    /// Sets the ratio of largest to RMS distance.
-    pub(crate) fn set_peak_ratio(&mut self, ratio: f64) {
-        self.peak_ratio = ratio;
     }
 
     /// Goes to the level for a target. Returns `None` if the target is not valid.
@@ -139,13 +129,14 @@ impl SliderPreview {
                 meshes.push(ChangedMesh { number, mesh, faces: changed.faces, wedges: changed.wedges });
             }
         }
-        let (counts, estimate) = ([self.scene.face_count(), self.scene.vertex_count()], self.scene.error());
-        Ok(Some(LevelChange { meshes, counts, estimate, seconds: begin.elapsed().as_secs_f64() }))
+        let (counts, rms) = ([self.scene.face_count(), self.scene.vertex_count()], self.scene.error());
+        let estimates = [rms, self.distances.largest_at(rms)];
+        Ok(Some(LevelChange { meshes, counts, estimates, seconds: begin.elapsed().as_secs_f64() }))
     }
 
     fn level_for(&self, stop: &Stop) -> Option<usize> {
         let is_share = |x: f64| x > 0.0 && x.is_finite();
-        let error = stop.error.map(|e| e.in_units(self.diagonal) / self.peak_ratio);
+        let error = stop.error.map(|e| self.distances.rms_within(e.in_units(self.diagonal)));
         let is_sound = stop.ratio.is_none_or(is_share) && error.is_none_or(is_share);
         let mut stop = *stop;
         stop.error = error.map(Length::Units);
@@ -177,8 +168,9 @@ impl LevelView {
         if let (None, Some(context)) = (&self.draw, context) {
             self.draw = Some(Arc::new(Mutex::new(context.upload(&self.model))));
         }
-        let LevelChange { counts, estimate, seconds, .. } = change;
-        let level = Lighter::of_level(self.model.clone(), counts, estimate, how, seconds);
+        let LevelChange { counts, estimates: [rms, largest], seconds, .. } = change;
+        let mut level = Lighter::of_level(self.model.clone(), counts, rms, how, seconds);
+        level.largest_estimate = Some(largest);
         ShownModel { content: Arc::new(level), draw: self.draw.clone() }
     }
 }
@@ -188,14 +180,7 @@ pub(crate) enum Preview {
     /// In this process: it goes to a level at once.
     Here(Box<SliderPreview>),
     /// In another process, which sends the changes.
-    Elsewhere { view: LevelView, peak_ratio: Option<f64> },
-}
-
-/// Returns the ratio of largest to RMS distance of a run, if it was measured.
-pub(crate) fn peak_ratio_of(run: &Lighter) -> Option<f64> {
-    let measured = run.measured()?;
-    let peak = measured.hausdorff.symmetric / measured.rms.symmetric;
-    (peak.is_finite() && peak >= 1.0).then_some(peak)
+    Elsewhere(LevelView),
 }
 
 /// Returns the mesh of the present level for drawing.

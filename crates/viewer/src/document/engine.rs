@@ -80,7 +80,7 @@ impl Engine {
                     made.map(|lighter| Box::new(LighterParts::of(&lighter, &original, request.has_light))),
                 )
             }
-            Task::Level { how, peak_ratio } => self.level(&how, peak_ratio),
+            Task::Level(how) => self.level(&how),
             task => match self.job(original.clone(), task, watch) {
                 Ok(job) => match job.run(None, watch) {
                     Some(outcome) => self.answer_of(outcome, &original),
@@ -182,7 +182,7 @@ impl Engine {
                 self.preview = None;
                 Job::Preview { original, of: (key, how) }
             }
-            Task::Open | Task::Simplify(_) | Task::Level { .. } => return Err(Failure::Cancelled),
+            Task::Open | Task::Simplify(_) | Task::Level(_) => return Err(Failure::Cancelled),
         })
     }
 
@@ -218,9 +218,8 @@ impl Engine {
         }
     }
 
-    fn level(&mut self, how: &Simplification, peak_ratio: Option<f64>) -> Answer {
+    fn level(&mut self, how: &Simplification) -> Answer {
         let Some(HeldPreview { preview, has_all_meshes }) = &mut self.preview else { return Answer::Nothing };
-        peak_ratio.into_iter().for_each(|ratio| preview.set_peak_ratio(ratio));
         match preview.go_to(how, !*has_all_meshes) {
             Ok(Some(change)) => {
                 *has_all_meshes = true;

@@ -67,7 +67,7 @@ pub(crate) enum Job {
     /// Uploads shown models again, after it changed which of their edges are sharp.
     Shade { shown: Vec<(Drawing, Model)> },
     /// Goes to a level of a progressive mesh that a worker holds.
-    Level { original: Arc<Original>, how: Simplification, peak_ratio: Option<f64> },
+    Level { original: Arc<Original>, how: Simplification },
 }
 
 /// The outcome of a job.

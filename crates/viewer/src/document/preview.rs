@@ -3,7 +3,7 @@
 use super::Document;
 use super::jobs::{Job, PreviewMade};
 use crate::content::Original;
-use crate::content::slider_preview::{self, LevelChange, LevelView, Preview, peak_ratio_of};
+use crate::content::slider_preview::{self, LevelChange, LevelView, Preview};
 use crate::gpu::shown::ShownModel;
 use crate::job::{Failure, JobKind, Progress};
 use crate::numbers::{grouped, seconds};
@@ -13,6 +13,11 @@ impl Document {
     /// Returns true if the slider can preview any level at once.
     pub fn has_preview(&self) -> bool {
         self.preview.is_some() && self.requested_preview == self.level_source()
+    }
+
+    /// Returns true if the shown result is a preview level, for which there was no run.
+    pub fn shows_preview(&self) -> bool {
+        self.lighter.as_ref().is_some_and(|lighter| lighter.content.report.is_none())
     }
 
     /// Returns the progress of the progressive mesh while it is being made.
@@ -27,9 +32,8 @@ impl Document {
         }
         let shown = match (&mut self.preview, &self.original) {
             (Some(Preview::Here(preview)), _) => preview.show(how),
-            (Some(Preview::Elsewhere { peak_ratio, .. }), Some(original)) => {
-                let (original, peak_ratio) = (original.content.clone(), *peak_ratio);
-                self.builder.submit(Job::Level { original, how: how.clone(), peak_ratio });
+            (Some(Preview::Elsewhere(_)), Some(original)) => {
+                self.builder.submit(Job::Level { original: original.content.clone(), how: how.clone() });
                 Ok(self.lighter.clone())
             }
             _ => return false,
@@ -40,7 +44,7 @@ impl Document {
                 self.lighter = Some(level);
                 true
             }
-            Ok(None) => matches!(self.preview, Some(Preview::Elsewhere { .. })),
+            Ok(None) => matches!(self.preview, Some(Preview::Elsewhere(_))),
             Err(why) => {
                 self.fail(why.to_string());
                 false
@@ -50,7 +54,7 @@ impl Document {
 
     /// Shows a level that another process went to.
     pub(super) fn take_level(&mut self, how: &Simplification, change: LevelChange) {
-        let Some(Preview::Elsewhere { view, .. }) = &mut self.preview else { return };
+        let Some(Preview::Elsewhere(view)) = &mut self.preview else { return };
         let level = view.apply(change, how, self.context.as_ref());
         // An exact result stays.
         if self.needs_exact_run || self.worker.is_busy(JobKind::Simplify) {
@@ -105,22 +109,9 @@ impl Document {
             PreviewMade::Here(preview) => Some(Preview::Here(preview)),
             PreviewMade::Elsewhere(_) => self.original.as_ref().map(|original| {
                 let view = LevelView::new(original.content.model().clone(), None);
-                Preview::Elsewhere { view, peak_ratio: None }
+                Preview::Elsewhere(view)
             }),
         };
-        self.learn_peak_ratio();
-    }
-
-    /// Copies the ratio of largest to RMS distance from the latest run, if it was measured.
-    pub(super) fn learn_peak_ratio(&mut self) {
-        let Some(lighter) = &self.lighter else { return };
-        match &mut self.preview {
-            Some(Preview::Here(preview)) => preview.learn_peak_ratio(&lighter.content),
-            Some(Preview::Elsewhere { peak_ratio, .. }) => {
-                *peak_ratio = peak_ratio_of(&lighter.content).or(*peak_ratio);
-            }
-            None => {}
-        }
     }
 
     pub(super) fn drop_preview(&mut self) {

@@ -54,10 +54,7 @@ pub(super) enum Task {
         export: Box<StageExport>,
     },
     Preview(Simplification),
-    Level {
-        how: Simplification,
-        peak_ratio: Option<f64>,
-    },
+    Level(Simplification),
 }
 
 /// The model that is exported.
@@ -137,9 +134,7 @@ impl Job {
                 of(original, Task::ExportStage { how: how.clone(), export: export.clone() })
             }
             Self::Preview { original, of: (_, how) } => of(original, Task::Preview(how.clone())),
-            Self::Level { original, how, peak_ratio } => {
-                of(original, Task::Level { how: how.clone(), peak_ratio: *peak_ratio })
-            }
+            Self::Level { original, how } => of(original, Task::Level(how.clone())),
             Self::Difference { view, .. } => {
                 of(&view.original, Task::Difference(view.lighter.how.clone(), Box::new(view.seen.clone())))
             }

@@ -126,7 +126,7 @@ fn refusal_text(refusal: Refusal) -> &'static str {
 fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     let Some(original) = scope.document.original().map(|o| o.content.clone()) else { return };
     match scope.document.is_outdated() {
-        true => widgets::log_line(ui, Severity::Note, "Preview. Computing the exact result…"),
+        true => widgets::log_line(ui, Severity::Note, "Preview. The exact result follows"),
         false => widgets::log_line(ui, Severity::Warning, "Preview. The exact run did not finish"),
     }
     widgets::value_row(ui, "Faces", format!("{} → {}", grouped(original.faces), grouped(lighter.faces)));
@@ -137,8 +137,14 @@ fn level(ui: &mut Ui, scope: &mut PanelContext<'_>, lighter: &Lighter) {
     );
     widgets::value_row(ui, "Remaining", percent(lighter.faces as f64 / original.faces.max(1) as f64));
     let diagonal = original.bounds.diagonal();
-    let share = if diagonal > 0.0 { 100.0 * lighter.error() / diagonal } else { 0.0 };
-    widgets::value_row(ui, "RMS error (estimated)", format!("{} %", significant(share, 3)));
+    let errors = [
+        ("RMS error (estimated)", Some(lighter.error())),
+        ("Max error (estimated)", lighter.largest_estimate),
+    ];
+    for (name, error) in errors {
+        let Some(error) = error.filter(|_| diagonal > 0.0) else { continue };
+        widgets::value_row(ui, name, format!("{} %", significant(100.0 * error / diagonal, 3)));
+    }
     widgets::value_row(ui, "Time", seconds(lighter.seconds));
     command(ui, scope);
 }
