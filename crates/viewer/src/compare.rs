@@ -543,8 +543,6 @@ fn overlay(
     viewport::caption(ui, seen, side.title(), &text, is_right);
     let look = &document.settings().look.look;
     if look.shading == Shading::Heat && side == Side::Result && document.lighter().is_some() {
-        let diagonal = original.content.bounds.diagonal();
-        let distances = document.distances().map(|d| (&**d, document.heat_end(d)));
-        error::legend(ui, seen, look, distances, diagonal);
+        error::legend(ui, seen, document);
     }
 }

@@ -1,6 +1,7 @@
 //! Commands without a window: a list of commands is a session, which can be replayed, undone and redone.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use lodsmith::MethodKind;
@@ -57,6 +58,13 @@ fn the_heat_map_ends_at_the_error_of_the_target() {
     let limit = 0.01 * diagonal;
     assert_eq!((document.error_limit(), document.heat_end(&distances)), (Some(limit), limit));
     assert!(distances.largest > 0.0 && distances.largest <= limit * (1.0 + 1e-6), "{}", distances.largest);
+    // During a drag the limit moves at once; the last exact distances stay for the histogram, not for the heat map.
+    document.run(Command::Target(SimplifyTarget::Error(0.02)));
+    assert!(document.shows_preview() && document.distances().is_none());
+    assert!(Arc::ptr_eq(document.latest_distances().unwrap(), &distances));
+    assert_eq!((document.error_limit(), document.heat_end(&distances)), (Some(2.0 * limit), 2.0 * limit));
+    assert!(document.settle(TIMEOUT) && !document.shows_preview());
+    assert!(!Arc::ptr_eq(document.distances().unwrap(), &distances));
     // Angles have no such limit.
     let mut look = document.settings().look.clone();
     look.heat_of = HeatOf::Normals;
@@ -114,7 +122,7 @@ fn maps_are_baked_for_the_result_exported_with_it_and_removed() {
         assert_eq!(of_levels, [false, true, true], "{}", file.display());
 
         document.remove_maps();
-        assert!(std::sync::Arc::ptr_eq(&document.lighter().unwrap().content, &before));
+        assert!(Arc::ptr_eq(&document.lighter().unwrap().content, &before));
         document.bake();
         document.run(Command::Target(SimplifyTarget::Ratio(0.5)));
         assert!(document.settle(TIMEOUT) && document.baked().is_none(), "maps of an older result");

@@ -21,6 +21,7 @@ use lodsmith::Length;
 use lodsmith_render::Shading;
 use lodsmith_viewer::command::Command;
 use lodsmith_viewer::document::target_scale::Unit;
+use lodsmith_viewer::job::JobKind;
 use lodsmith_viewer::panel::Panel;
 use lodsmith_viewer::panel::keys::{Action, BINDINGS};
 use lodsmith_viewer::settings::{Appearance, Backdrop, EnvironmentChoice, Sides};
@@ -99,6 +100,64 @@ fn a_held_slider_shows_levels_at_once() {
         window.settle();
         let document = window.app().document();
         assert!(document.lighter().is_some_and(|l| l.content.report.is_some()), "no run followed");
+    }
+}
+
+#[test]
+fn a_held_error_slider_shows_levels_within_the_limit() {
+    for (is_light, unit) in [(false, "Error"), (true, "Distance")] {
+        let Some(mut window) = AppHarness::with(is_light, Some("torus.obj")) else { return };
+        window.press(Key::E);
+        window.press(Key::F7);
+        window.click(unit);
+        let rail = window.harness.get_by_label("Target slider").rect();
+        let at =
+            |share: f32| egui::pos2(rail.left() + 10.0 + (rail.width() - 20.0) * share, rail.top() + 13.0);
+        window.drag(at(1.0), at(0.7));
+        let limit_text = |window: &AppHarness| {
+            let limit = window.app().document().error_limit().unwrap();
+            format!("The line is the error limit, {}", lodsmith_core::numbers::significant(limit, 3))
+        };
+        let before = limit_text(&window);
+        window.harness.get_by_label(&before);
+        window.harness.drag_at(at(0.7));
+        window.harness.run_steps(2);
+        let mut last = 0;
+        for share in [0.3, 0.4, 0.5] {
+            window.harness.hover_at(at(share));
+            window.harness.run_steps(2);
+            let document = window.app().document();
+            assert!(document.shows_preview());
+            let level = document.lighter().unwrap().content.clone();
+            let limit = document.error_limit().unwrap();
+            assert!(level.largest_estimate.unwrap() <= limit * (1.0 + 1e-9), "{limit}");
+            assert!(level.faces > last, "less error, more faces");
+            last = level.faces;
+            // On a slow machine the slider counts as resting already, and a run was begun.
+            if !document.is_busy(JobKind::Simplify) {
+                window.harness.get_by_label("Preview");
+            }
+            window.harness.get_by_label("Preview. The exact result follows");
+            window.harness.get_by_label("Max error (estimated)");
+            window.harness.get_by_label("Of the last exact result");
+            let now = limit_text(&window);
+            assert_ne!(now, before);
+            window.harness.get_by_label(&now);
+        }
+        window.picture(if is_light { "held_distance_light" } else { "held_error_dark" });
+        window.harness.drop_at(at(0.5));
+        window.harness.run_steps(2);
+        let document = window.app().document();
+        assert!(document.is_busy(JobKind::Simplify) || !document.shows_preview(), "no run was begun");
+        window.settle();
+        let document = window.app().document();
+        let result = document.lighter().unwrap().content.clone();
+        let bound = result.report.as_ref().expect("no run followed").error.bound.unwrap();
+        assert!(bound <= document.error_limit().unwrap() * (1.0 + 1e-9), "{bound}");
+        assert!(window.harness.query_by_label("Preview").is_none());
+        window.picture(if is_light { "released_distance_light" } else { "released_error_dark" });
+        window.press_with(Modifiers::COMMAND, Key::Z);
+        window.harness.get_by_label(&before);
     }
 }
 

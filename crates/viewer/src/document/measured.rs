@@ -13,9 +13,16 @@ impl Document {
     /// Returns the distances between the latest result and the original, if they were measured.
     pub fn distances(&self) -> Option<&Arc<Distances>> {
         let measured = self.measured.as_ref()?;
+        let fits = Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
+        self.latest_distances().filter(|_| fits)
+    }
+
+    /// Returns the distances that were measured last, of this result or of one before it; while a preview level is
+    /// shown, those of the last exact result.
+    pub fn latest_distances(&self) -> Option<&Arc<Distances>> {
+        let measured = self.measured.as_ref()?;
         let fits = measured.distances.quantity == self.settings.look.heat_of
-            && Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content)
-            && Arc::ptr_eq(&measured.of.1, &self.lighter.as_ref()?.content);
+            && Arc::ptr_eq(&measured.of.0, &self.original.as_ref()?.content);
         fits.then_some(&measured.distances)
     }
 

@@ -6,6 +6,7 @@ use lodsmith_render::{ColorMap, Look, Shading};
 use super::{PanelContext, widgets};
 use crate::command::Command;
 use crate::content::Distances;
+use crate::document::Document;
 use crate::numbers::{grouped, percent, seconds, significant};
 use crate::panel::keys::Action;
 use crate::settings::HeatOf;
@@ -44,12 +45,17 @@ pub fn show(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         widgets::empty_note(ui, "No result yet; drag the slider below");
         return;
     }
-    let Some(distances) = document.distances() else {
-        ui.horizontal(|ui| {
-            ui.label(weak(ui, "Measuring…"));
-        });
-        return;
-    };
+    let now = document.distances();
+    let latest = now.or_else(|| document.latest_distances());
+    if now.is_none() {
+        let text = match (document.shows_preview(), latest) {
+            (false, _) => "Measuring…",
+            (true, Some(_)) => "Of the last exact result",
+            (true, None) => "Measured when the exact result is there",
+        };
+        ui.label(weak(ui, text));
+    }
+    let Some(distances) = latest else { return };
     if distances.histogram.iter().all(|n| *n == 0) && quantity != HeatOf::Distance {
         let text = match quantity {
             HeatOf::Uvs => "Both sides need UVs",
@@ -124,6 +130,8 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
     let most = axis_end(distances.largest, limit);
     let x_of = |value: f64| bars.left() + bars.width() * (value / most.max(1e-300)) as f32;
     let width = (x_of(distances.largest) - bars.left()).max(1.0) / count as f32;
+    // Bars are narrow where the limit is much larger than all values.
+    let gap = 1f32.min(0.5 * width);
     let height = |n: u32| (f64::from(n) + 1.0).ln() as f32;
     let highest = distances.histogram.iter().copied().map(height).fold(1e-6, f32::max);
     let [low, high] = color_range(look, scope.document.heat_end(distances));
@@ -135,7 +143,7 @@ fn histogram(ui: &mut Ui, scope: &mut PanelContext<'_>, distances: &Distances) {
         let is_in = brushed.as_ref().is_none_or(|bars| bars.contains(&i));
         let x = bars.left() + width * i as f32;
         let top = bars.bottom() - bars.height() * height(n) / highest;
-        let bar = Rect::from_min_max(pos2(x, top), pos2(x + width - 1.0, bars.bottom()));
+        let bar = Rect::from_min_max(pos2(x, top), pos2(x + width - gap, bars.bottom()));
         painter.rect_filled(bar, 0.0, if is_in { color } else { p.weak.gamma_multiply(0.4) });
     }
     if let Some(limit) = limit {
@@ -254,21 +262,27 @@ fn of_map(map: ColorMap, t: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-/// Draws the legend of the heat map over a picture, whose colours end at a value unless the user chose it.
-pub fn legend(ui: &Ui, picture: Rect, look: &Look, distances: Option<(&Distances, f64)>, diagonal: f64) {
-    let Some((distances, end)) = distances else {
+/// Draws the legend of the heat map over a picture, whose colours end at a value unless the user chose it. The end is
+/// known before anything is measured if it is the limit of the target.
+pub fn legend(ui: &Ui, picture: Rect, document: &Document) {
+    let Some(original) = document.original() else { return };
+    let (look, diagonal) = (&document.settings().look.look, original.content.bounds.diagonal());
+    let quantity = document.settings().look.heat_of;
+    let distances = document.distances();
+    let end = distances.map(|distances| document.heat_end(distances)).or_else(|| document.error_limit());
+    let Some([low, high]) = end.map(|end| color_range(look, end)) else {
         return scale(ui, picture, look.color_map, ["Measuring…".into(), String::new()]);
     };
-    let [low, high] = color_range(look, end);
     let figure = |x: f32| significant(f64::from(x), 2);
-    let most = match distances.quantity {
+    let most = match quantity {
         HeatOf::Distance => {
             format!("{} ({} %)", figure(high), significant(share(f64::from(high), diagonal), 2))
         }
         HeatOf::Normals => format!("{}°", figure(high)),
-        HeatOf::Uvs | HeatOf::Colors => format!("{} {}", distances.quantity.name(), figure(high)),
+        HeatOf::Uvs | HeatOf::Colors => format!("{} {}", quantity.name(), figure(high)),
     };
-    scale(ui, picture, look.color_map, [figure(low), most]);
+    let low = if distances.is_some() { figure(low) } else { "Measuring…".to_owned() };
+    scale(ui, picture, look.color_map, [low, most]);
 }
 
 /// Draws a colour map over a picture, with texts at its ends.

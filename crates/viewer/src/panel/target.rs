@@ -109,6 +109,8 @@ fn status(ui: &mut Ui, scope: &mut PanelContext<'_>) {
         let tip = "Building a progressive mesh; then the result follows immediately while you drag";
         text(ui, format!("Making the slider instant: {}", percent(f64::from(progress.done))))
             .on_hover_text(tip);
+    } else if document.shows_preview() && document.is_outdated() {
+        text(ui, "Preview".to_owned()).on_hover_text("The exact result follows when you release the slider");
     }
 }
 
