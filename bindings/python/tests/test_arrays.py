@@ -157,6 +157,29 @@ def test_locked_vertices_stay(ball):
     assert made.report["locked"]["vertices"] == locked.sum()
 
 
+def test_an_error_map_keeps_places(ball):
+    coarse = lodsmith.simplify(ball, error="2%")
+    shares = np.where(ball.vertices[:, 2] > 0, 0.0, 1.0)
+    made = lodsmith.simplify(ball, error="2%", error_map=shares)
+    kept = ball.vertices[shares == 0.0].astype(np.float32)
+    assert {tuple(p) for p in kept} <= {tuple(p) for p in made.vertices.astype(np.float32)}
+    assert len(coarse.faces) < len(made.faces) < len(ball.faces) * 3 // 4
+    with pytest.raises(ValueError, match="error"):
+        lodsmith.simplify(ball, ratio=0.5, error_map=shares)
+
+
+def test_of_the_shares_of_one_vertex_the_least_counts(ball):
+    # Two rows for each vertex, told apart by an attribute.
+    count = len(ball.vertices)
+    vertices, faces = np.concatenate([ball.vertices] * 2), ball.faces.copy()
+    faces[::2] += count
+    attributes = {"side": np.repeat([0.0, 1.0], count)}
+    shares = np.concatenate([np.ones(count), np.zeros(count)])
+    made = lodsmith.simplify(vertices, faces, attributes=attributes, error="5%", error_map=shares)
+    used = ball.vertices[np.unique(ball.faces[::2])].astype(np.float32)
+    assert {tuple(p) for p in used} <= {tuple(p) for p in made.vertices.astype(np.float32)}
+
+
 def test_importance_attracts_triangles(ball):
     importance = np.where(ball.vertices[:, 2] > 0, 8.0, 1.0)
     made = lodsmith.simplify(ball, ratio=0.2, importance=importance)

@@ -282,7 +282,7 @@ def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, error_map
     if importance is not None:
         importance = _list("importance", np.asarray(importance), np.float32, mesh)
     if error_map is not None:
-        error_map = _list("error_map", np.asarray(error_map), np.float32, mesh)
+        error_map = _list("error_map", np.asarray(error_map), np.float32, mesh, np.minimum)
     if time_limit is not None and not (np.isfinite(time_limit) and time_limit > 0):
         raise ValueError(f"time_limit: a number of seconds above 0 is expected, not {time_limit}")
     return SimpleNamespace(
@@ -295,16 +295,17 @@ def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, error_map
     )
 
 
-def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays) -> np.ndarray:
+def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays, counts: Any = np.maximum) -> np.ndarray:
     count = len(mesh.vertices)
     if array.shape != (count,):
         raise ValueError(f"{name}: the shape {array.shape} is not ({count},), one value for each vertex")
     values = np.require(array, kind, ["C", "A"])
     if mesh.vertex_map is None:
         return values
-    # The engine takes one value for each vertex: the largest of its rows.
+    # The engine takes one value for each vertex: the largest of its rows, or the least.
     of_place = np.zeros(int(mesh.vertex_map.max()) + 1 if count else 0, kind)
-    np.maximum.at(of_place, mesh.vertex_map, values)
+    of_place[mesh.vertex_map] = values
+    counts.at(of_place, mesh.vertex_map, values)
     return of_place
 
 

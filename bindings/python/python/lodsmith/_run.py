@@ -490,7 +490,7 @@ def clean(
     """
     given, kind, own = arguments(mesh, triangles, attributes)
     with Reporting(progress) as reporting:
-        keywords = keywords_of({"weld": weld, "prune": prune}, None, None, reporting.callback, None, given)
+        keywords = keywords_of({"weld": weld, "prune": prune}, None, None, None, reporting.callback, None, given)
         sent = to_native(given)
         made = _native.clean(sent, {"non_manifold": non_manifold}, keywords)
     return _back(_result(made, given, sent), kind, own)
