@@ -59,6 +59,18 @@ test('locked vertices stay', () => {
   for (const i of kept) assert.ok(places.has(positions.subarray(3 * i, 3 * i + 3).join()));
 });
 
+test('an error map keeps places', () => {
+  const { positions, indices } = bumpyBall(16);
+  const errorMap = new Float32Array(positions.length / 3).fill(1);
+  const kept = [40, 90, 200];
+  kept.forEach((i) => (errorMap[i] = 0));
+  const small = simplifyMesh({ positions, indices }, { error: '5%', errorMap });
+  assert.ok(small.indices.length < indices.length);
+  const places = new Set(Array.from({ length: small.positions.length / 3 }, (_, i) => small.positions.subarray(3 * i, 3 * i + 3).join()));
+  for (const i of kept) assert.ok(places.has(positions.subarray(3 * i, 3 * i + 3).join()));
+  assert.throws(() => simplifyMesh({ positions, indices }, { ratio: 0.5, errorMap }), /error/);
+});
+
 test('wrong options and arrays are named', () => {
   const ball = bumpyBall(8);
   const fails = (given, options, kind, text) =>
