@@ -110,7 +110,7 @@ def text():
     of_level = keywords(("faces", "vertices", "ratio", "error", "measure", "bound"))
     lines += overloads("lod", levels + of_level, "List[Level]", "List[_M]")
     lines += ["class Progressive:"]
-    lines += overloads("__init__", keywords(("time_limit",)), "None", "None", method=True)
+    lines += overloads("__init__", keywords(("error_map", "time_limit")), "None", "None", method=True)
     lines += '''    @classmethod
     def load(cls, path: _Path) -> "Progressive": ...
     def save(self, path: _Path, *, bits: Optional[int] = ...) -> None: ...

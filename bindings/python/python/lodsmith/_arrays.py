@@ -295,17 +295,17 @@ def keywords_of(options: Dict[str, Any], locked: Any, importance: Any, error_map
     )
 
 
-def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays, counts: Any = np.maximum) -> np.ndarray:
+def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays, combine: Any = np.maximum) -> np.ndarray:
     count = len(mesh.vertices)
     if array.shape != (count,):
         raise ValueError(f"{name}: the shape {array.shape} is not ({count},), one value for each vertex")
     values = np.require(array, kind, ["C", "A"])
     if mesh.vertex_map is None:
         return values
-    # The engine takes one value for each vertex: the largest of its rows, or the least.
+    # The engine takes one value for each vertex, which may have several rows.
     of_place = np.zeros(int(mesh.vertex_map.max()) + 1 if count else 0, kind)
     of_place[mesh.vertex_map] = values
-    counts.at(of_place, mesh.vertex_map, values)
+    combine.at(of_place, mesh.vertex_map, values)
     return of_place
 
 

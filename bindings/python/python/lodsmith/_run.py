@@ -16,7 +16,7 @@ from ._kinds import arguments
 from ._mesh import Mesh, load
 from ._progress import Reporting
 
-_RUN = ("attributes", "locked", "importance", "error_map", "progress", "time_limit")
+_RUN = ("attributes", "locked", "importance", "progress", "error_map", "time_limit")
 
 
 class SourceMap:
@@ -338,15 +338,14 @@ class Progressive:
         attributes: Optional[Mapping[str, Any]] = None,
         locked: Any = None,
         importance: Any = None,
-        error_map: Any = None,
         progress: Any = None,
         **options: Any,
     ) -> None:
         _check_target(options)
-        check_names(options, "Progressive", _RUN[:-1])
+        check_names(options, "Progressive", _RUN[:-2])
         given, self._kind, self._own = arguments(mesh, triangles, attributes)
         with Reporting(progress) as reporting:
-            keywords = keywords_of(options, locked, importance, error_map, reporting.callback, None, given)
+            keywords = keywords_of(options, locked, importance, None, reporting.callback, None, given)
             # (Not scaled: a file has the original values.)
             self._sent = to_native(given)
             self._mesh = _native.ProgressiveMesh.build(self._sent, keywords)

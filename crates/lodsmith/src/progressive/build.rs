@@ -79,6 +79,9 @@ pub(super) fn build(
     options: &SimplifyOptions,
     control: &mut dyn Control,
 ) -> Result<RecordedMesh, SimplifyError> {
+    if whole.data.error_map.is_some() {
+        return Err(SimplifyError::NotTogether { first: "progressive", second: "error-map" });
+    }
     options.check(&whole.data)?;
     constraints::check(&whole.data, whole.surface.positions().len())?;
     let method = options.method.kind();
@@ -370,6 +373,10 @@ mod tests {
         assert!(matches!(twice, Some(SimplifyError::NotTogether { second: "escalate", .. })), "{twice:?}");
         let best = run(&|o| o.effort = Effort::Best, &sphere);
         assert!(matches!(best, Some(SimplifyError::NotTogether { second: "effort best", .. })), "{best:?}");
+        let (shares, within) =
+            (vec![0.5; sphere.vertex_count()], SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.1))));
+        let mapped = build(&Input::new(&sphere).error_map(&shares), &within, &mut NoControl).err();
+        assert!(matches!(mapped, Some(SimplifyError::NotTogether { second: "error-map", .. })), "{mapped:?}");
         let flat =
             TriMesh::new(Positions::F32(vec![[0.0; 3]; 3]), vec![[0, 1, 2].map(VertexId)]).expect("a mesh");
         assert!(matches!(run(&|_| (), &flat), Some(SimplifyError::NoFaces { faces: 1 })));
