@@ -114,13 +114,9 @@ impl AssetError {
 
     /// True for an error in the options, not in a file, a mesh or the system.
     pub fn is_usage(&self) -> bool {
-        use SimplifyError::{BadOption, Needs, NotOfMethod, NotTogether};
-        let is_bad_option = |why: &SimplifyError| {
-            matches!(why, BadOption { .. } | Needs { .. } | NotOfMethod { .. } | NotTogether { .. })
-        };
         match self {
             Self::Usage(_) | Self::UnknownOption { .. } => true,
-            Self::Simplify(why) => is_bad_option(why),
+            Self::Simplify(why) => why.is_usage(),
             Self::Input { problem, .. } => problem.is_usage(),
             _ => false,
         }

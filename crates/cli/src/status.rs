@@ -49,11 +49,7 @@ pub(crate) fn usage(text: impl Into<String>) -> anyhow::Error {
 
 /// Returns the exit status for an error.
 pub(crate) fn status_of(error: &anyhow::Error) -> Status {
-    use SimplifyError::{BadOption, Needs, NotOfMethod, NotTogether};
-    let is_bad_option = matches!(
-        error.downcast_ref(),
-        Some(BadOption { .. } | Needs { .. } | NotOfMethod { .. } | NotTogether { .. })
-    );
+    let is_bad_option = error.downcast_ref().is_some_and(SimplifyError::is_usage);
     let of_job = error.downcast_ref::<AssetError>();
     if is_bad_option || error.is::<UsageError>() || of_job.is_some_and(AssetError::is_usage) {
         Status::Usage

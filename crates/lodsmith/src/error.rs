@@ -53,7 +53,7 @@ pub enum SimplifyError {
         second: &'static str,
     },
     /// An option that has no effect without another one.
-    #[error("{option} needs {other}")]
+    #[error("{option} only works together with {other}")]
     Needs {
         /// Name of the option.
         option: &'static str,
@@ -78,6 +78,14 @@ pub enum SimplifyError {
     /// The buffers are not a valid mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+}
+
+impl SimplifyError {
+    /// True for an error in the options, not in the mesh or its data.
+    pub fn is_usage(&self) -> bool {
+        use SimplifyError::{BadOption, Needs, NotOfMethod, NotTogether};
+        matches!(self, BadOption { .. } | Needs { .. } | NotOfMethod { .. } | NotTogether { .. })
+    }
 }
 
 fn names(methods: &[MethodKind]) -> String {

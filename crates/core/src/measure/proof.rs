@@ -90,13 +90,8 @@ pub fn prove_within(from: &Prepared, to: &Prepared, distance: f64) -> WithinResu
         return WithinResult::Undecided;
     }
     let is_over = AtomicBool::new(false);
-    let all = all_within(
-        from,
-        to,
-        Everywhere,
-        no_values,
-        ProofLimits { limit, tolerance: None, is_over: &is_over },
-    );
+    let limits = ProofLimits { limit, tolerance: None, is_over: &is_over };
+    let all = all_within(from, to, Everywhere, no_values, limits);
     let (seen, bound) = (frame.user_length(all.seen), frame.user_length(all.bound));
     match () {
         () if all.seen > limit => WithinResult::No(seen.max(distance)),
@@ -193,7 +188,7 @@ fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<
         let limit_sq = match map {
             None => limit_sq,
             Some(MapSide::From(map)) => {
-                let limit = limit * map.at(source, slot_of_p, p);
+                let limit = limit * map.at(slot_of_p, source.slot_corners(slot_of_p), p);
                 limit * limit
             }
             Some(MapSide::To(map)) => {
@@ -201,7 +196,7 @@ fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<
                 let hit = target.closest_slot(p, f64::INFINITY, &mut Hint::at(*near));
                 return hit.is_none_or(|hit| {
                     *near = hit.slot;
-                    hit.distance_sq.sqrt() > limit * map.at(target, hit.slot, p)
+                    hit.distance_sq.sqrt() > limit * map.at(hit.slot, target.slot_corners(hit.slot), p)
                 });
             }
         };

@@ -29,9 +29,7 @@ impl FaceTest {
     /// `near` is a face of the surface's tree that is likely to be near, and is updated. Cost: some steps of O(log n)
     /// for each face of the surface below the face.
     pub fn is_within(&mut self, face: [[f64; 3]; 3], to: &Prepared, distance: f64, near: &mut u32) -> bool {
-        let frame = to.tree().frame();
-        let face = face.map(|p| frame.unit_from_user(p));
-        let limit = frame.unit_length(distance);
+        let (face, limit) = in_frame(to, face, distance);
         is_proven(&mut self.pieces, face, [(); 3], to.tree(), Everywhere, limit, near)
     }
 
@@ -56,9 +54,7 @@ impl FaceTest {
         distance: f64,
         near: &mut u32,
     ) -> bool {
-        let frame = to.tree().frame();
-        let face = face.map(|p| frame.unit_from_user(p));
-        let limit = frame.unit_length(distance);
+        let (face, limit) = in_frame(to, face, distance);
         is_proven(&mut self.pieces, face, [(); 3], to.tree(), ByFace(map), limit, near)
     }
 
@@ -72,9 +68,7 @@ impl FaceTest {
         distance: f64,
         near: &mut u32,
     ) -> bool {
-        let frame = to.tree().frame();
-        let face = face.map(|p| frame.unit_from_user(p));
-        let limit = frame.unit_length(distance);
+        let (face, limit) = in_frame(to, face, distance);
         is_proven(&mut self.valued, face, values, to.tree(), ByCorners, limit, near)
     }
 
@@ -89,6 +83,12 @@ impl FaceTest {
     ) -> bool {
         is_proven(&mut self.valued, face, values, &Few(to), ByCorners, distance, near)
     }
+}
+
+/// Returns a face and a distance in the unit frame of a surface.
+fn in_frame(of: &Prepared, face: [[f64; 3]; 3], distance: f64) -> ([DVec3; 3], f64) {
+    let frame = of.tree().frame();
+    (face.map(|p| frame.unit_from_user(p)), frame.unit_length(distance))
 }
 
 fn is_proven<T: Target, R: Rule>(

@@ -7,7 +7,6 @@ use glam::DVec3;
 use super::Prepared;
 use crate::geometry::triangle;
 use crate::ids::FaceId;
-use crate::spatial::Bvh;
 
 /// Values from 0 to 1 on the faces of a prepared surface: the limit at a point is a distance times its value.
 #[derive(Clone, Debug)]
@@ -59,9 +58,8 @@ impl LimitMap {
         self.corners[slot as usize].map(|x| self.floor + (1.0 - self.floor) * f64::from(x))
     }
 
-    /// Returns the value on a slot at its point that is closest to `p`, in the unit frame of the tree.
-    pub(super) fn at(&self, tree: &Bvh, slot: u32, p: DVec3) -> f64 {
-        let corners = tree.slot_corners(slot);
+    /// Returns the value on a slot, with these corners, at its point that is closest to `p`, all in one unit.
+    pub(super) fn at(&self, slot: u32, corners: [DVec3; 3], p: DVec3) -> f64 {
         let shares = triangle::weights_at(triangle::nearest(p, corners).point, corners);
         self.of_slot(slot).iter().zip(shares).map(|(x, share)| x * share).sum()
     }

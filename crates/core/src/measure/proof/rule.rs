@@ -24,7 +24,7 @@ use crate::geometry::triangle::{self, double_area_normal};
 
 /// The limit at each place. `limit` is the limit for the value 1.
 pub(super) trait Rule: Copy + Sync {
-    /// What is known at a corner of a piece.
+    /// A value at a corner of a piece, from which its limit follows; `()` where none is needed.
     type Value: CornerValue;
     /// True if the limit is the same everywhere.
     const IS_UNIFORM: bool;
@@ -162,10 +162,7 @@ impl Rule for ByFace<'_> {
     }
 
     fn is_beyond<T: Target>(self, to: &T, face: u32, point: DVec3, (height, limit): (f64, f64)) -> bool {
-        let corners = to.corners(face);
-        let shares = triangle::weights_at(triangle::nearest(point, corners).point, corners);
-        let value: f64 = self.0.of_slot(face).iter().zip(shares).map(|(x, share)| x * share).sum();
-        height > limit * value
+        height > limit * self.0.at(face, to.corners(face), point)
     }
 
     fn holds<T: Target>(self, to: &T, piece: &Piece, face: u32, limit: f64) -> bool {
