@@ -234,6 +234,16 @@ impl Bvh {
         Some(self.hit_of(p, hit))
     }
 
+    /// Returns the normal of the face that is nearest to `point`, with twice its area in a frame of size one as its
+    /// length; `None` if nothing is nearer than `distance` (units of the positions). The query starts at a slot, as
+    /// the tests of [`crate::measure::proof::local`] return it. Cost: as [`Bvh::closest_from`].
+    pub fn normal_near(&self, point: [f64; 3], distance: f64, slot: u32) -> Option<DVec3> {
+        let p = self.frame.unit_from_user(point);
+        let distance = self.frame.unit_length(distance);
+        let hit = self.closest_slot(p, distance * distance, &mut Hint::at(slot))?;
+        Some(triangle::double_area_normal(self.slot_corners(hit.slot)))
+    }
+
     /// Like [`Bvh::closest`], among the faces for which `accept` is true.
     ///
     /// Cost: as [`Bvh::closest`], plus about four tests for each face that is nearer than the answer, accepted or not;

@@ -5,12 +5,13 @@
 //! samples of the input belong to faces of the mesh; the samples of the star that changes
 //!     move to the nearest new face, or to one around the star       one beyond the limit: refused
 //! new faces                                                          proven within the limit of the input
+//!                                                                        and not turned against it
 //! faces of the input with a sample far from the result               proven within the limit of the result
 //! ```
 //!
 //! A refused edge is not tried again until a star at one of its ends has changed.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lodsmith_core::measure::proof::local::BoxedFace;
 use lodsmith_core::{FaceId, VertexId};
 
@@ -194,6 +195,11 @@ impl<M: Metric> LiveMesh<M> {
                     return Err(END);
                 }
             }
+            let centre = bounded.frame.user_from_unit(unit.iter().sum::<DVec3>() / 3.0);
+            let below = bounded.input.tree().normal_near(centre, bounded.limit, slot);
+            if below.is_some_and(|normal| normal.dot(f.normal.as_dvec3()) < 0.0) {
+                return Err(END);
+            }
             near.push(NearInput { over, slot });
         }
         Ok(())
@@ -275,6 +281,7 @@ impl<M: Metric> LiveMesh<M> {
 mod tests {
     use std::sync::Arc;
 
+    use lodsmith_core::Surface;
     use lodsmith_core::geometry::UnitFrame;
     use lodsmith_core::measure::Prepared;
 
@@ -351,6 +358,23 @@ mod tests {
         assert!(matches!(try_at(&mut engine, [8, 9], Vec3::X * 0.5, f32::MAX), CollapseOutcome::Done));
         assert!(!was_refused(&engine, 1.0) && engine.mesh.store.bound[7] == UNKNOWN);
         assert_eq!(engine.mesh.store.bound[5], f32::INFINITY);
+    }
+
+    #[test]
+    fn no_face_is_turned_against_the_input() {
+        for is_turned in [false, true] {
+            let (small, mut engine) = bounded(0.1, true);
+            let turned: Vec<[VertexId; 3]> = small.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+            let mesh = small.mesh();
+            let surface = Surface::new(mesh.surface().positions(), &turned).expect("the same vertices");
+            let turned = Arc::new(Prepared::new(&surface).expect("there are faces"));
+            if is_turned {
+                engine.mesh.bounded.as_mut().expect("a limit is set").input = turned;
+            }
+            let outcome = try_at(&mut engine, [14, 15], Vec3::X * 0.5, f32::MAX);
+            assert_eq!(matches!(outcome, CollapseOutcome::Refused(Refusal::ErrorLimit)), is_turned);
+            assert_eq!(matches!(outcome, CollapseOutcome::Done), !is_turned);
+        }
     }
 
     #[test]
