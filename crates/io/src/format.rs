@@ -87,8 +87,11 @@ impl Format {
         matches!(self, Self::Gltf | Self::Glb | Self::ThreeMf)
     }
 
-    /// Returns the format with this name or extension, ignoring case.
+    /// Returns the format with this name or extension, ignoring case. `vrm`, an avatar, is [`Format::Glb`].
     pub fn from_name(name: &str) -> Option<Self> {
+        if name.eq_ignore_ascii_case("vrm") {
+            return Some(Self::Glb);
+        }
         Self::ALL.into_iter().find(|f| f.name().eq_ignore_ascii_case(name))
     }
 }

@@ -15,7 +15,9 @@ mod container;
 mod copied_images;
 mod copies;
 mod encode;
+mod extension_losses;
 mod external_files;
+mod features;
 mod geometry;
 mod instances;
 mod inventory;
@@ -34,6 +36,7 @@ mod places;
 mod primitive;
 mod references;
 mod rematerial;
+mod renumber;
 mod repack;
 mod replace;
 mod scene;
@@ -42,6 +45,7 @@ mod skins;
 mod slot;
 mod survey;
 mod unpack;
+mod vrm;
 mod write;
 
 pub(crate) use brought_images::BroughtImages;
@@ -129,7 +133,7 @@ fn merged(
     let opened;
     let buffers = if unpack::is_needed(&document.json) {
         let mut all = Buffers::new(&document, assets.clone(), limits).load_all()?;
-        let unpacked = unpack::unpack(&mut document.json, &mut all, limits.max_bytes())?;
+        let (unpacked, _) = unpack::unpack(&mut document.json, &mut all, limits.max_bytes())?;
         opened = all;
         Buffers::loaded(&document.json, &opened, unpacked)
     } else {

@@ -19,6 +19,7 @@ mod mutations;
 mod packed;
 mod places;
 mod record;
+mod references;
 mod regressions;
 mod roundtrip;
 mod roundtrip_binary;

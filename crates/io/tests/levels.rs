@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::scenes::{self, everything, glb, gltf, split};
 
 /// Returns the mesh without its last face.
-fn without_last_face(mesh: &TriMesh) -> TriMesh {
+pub(crate) fn without_last_face(mesh: &TriMesh) -> TriMesh {
     let mut triangles = mesh.triangles().to_vec();
     triangles.pop();
     let wedges = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(lodsmith_core::WedgeId::new(w)));

@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
+use super::references::table::known;
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::limits::Limits;
@@ -49,14 +50,6 @@ const BYTES_PER_OBJECT: u64 = 440;
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BIN_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
-/// Supported extensions that change how the numbers of a mesh are stored, or their types.
-const SUPPORTED_EXTENSIONS: [&str; 4] = [
-    "KHR_mesh_quantization",
-    "EXT_meshopt_compression",
-    "KHR_meshopt_compression",
-    "KHR_draco_mesh_compression",
-];
-
 /// Extensions that affect only appearance or behaviour, without which a mesh can be read; extensions that
 /// begin with `KHR_materials_` are of this kind too.
 pub(super) const IGNORABLE_EXTENSIONS: [&str; 9] = [
@@ -69,16 +62,6 @@ pub(super) const IGNORABLE_EXTENSIONS: [&str; 9] = [
     "KHR_animation_pointer",
     "KHR_xmp_json_ld",
     "KHR_xmp",
-];
-
-/// Extensions that place meshes, choose among them, or describe them by attributes.
-const SCENE_EXTENSIONS: [&str; 6] = [
-    "EXT_instance_features",
-    "EXT_mesh_features",
-    "EXT_mesh_gpu_instancing",
-    "EXT_structural_metadata",
-    "KHR_node_visibility",
-    "MSFT_lod",
 ];
 
 impl<'a> Document<'a> {
@@ -127,11 +110,8 @@ impl<'a> Document<'a> {
     pub(super) fn check_extensions(&self) -> Result<(), ReadError> {
         for name in list(&self.json, "extensionsRequired") {
             let name = name.as_str().unwrap_or("(no name)");
-            let fine = SUPPORTED_EXTENSIONS.contains(&name)
-                || IGNORABLE_EXTENSIONS.contains(&name)
-                || name.starts_with("KHR_materials_")
-                || SCENE_EXTENSIONS.contains(&name);
-            if !fine {
+            // Other materials do not prevent reading the geometry.
+            if known(name).is_none() && !name.starts_with("KHR_materials_") {
                 let name = excerpt(name);
                 return Err(ReadError::Unsupported(format!(
                     "the file requires the extension {name}, which is not supported"

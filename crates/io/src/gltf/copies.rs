@@ -14,6 +14,8 @@ use serde_json::{Value, json};
 
 use super::container::{list, list_mut, number};
 use super::lists::append;
+use super::references::{each_extension_in, known, pointed_element};
+use super::renumber::{pointer_of, set_pointer};
 use super::{lod, placements};
 use crate::error::ReadError;
 
@@ -109,7 +111,17 @@ fn copy(json: &mut Value, nodes: &[usize], skins: &BTreeSet<usize>) -> HashMap<u
     for n in nodes {
         let mut node = json["nodes"][*n].clone();
         list_mut(&mut node, "children").iter_mut().for_each(renamed);
-        lod::levels_of_mut(&mut node).iter_mut().for_each(renamed);
+        each_extension_in(&mut node, "nodes", &mut |host, name, content| {
+            if let Some(known) = known(name) {
+                known.visit(host, content, &mut 0, &mut |kind, value| {
+                    if kind.list() == Some("nodes") {
+                        renamed(value);
+                    }
+                    true
+                });
+            }
+            true
+        });
         if let Some(skin) = number(&node["skin"]).and_then(|s| skin_of.get(&s)) {
             node["skin"] = (*skin).into();
         }
@@ -125,12 +137,18 @@ fn animate(json: &mut Value, of_copies: &[HashMap<usize, usize>]) {
         let mut more = Vec::new();
         for own in of_copies {
             for channel in channels.iter() {
-                let Some(new) = number(&channel["target"]["node"]).and_then(|n| own.get(&n)) else {
+                let mut copy = channel.clone();
+                if let Some(new) = number(&channel["target"]["node"]).and_then(|n| own.get(&n)) {
+                    copy["target"]["node"] = (*new).into();
+                } else if let Some((kind, node, rest)) = pointer_of(channel).and_then(pointed_element)
+                    && kind.list() == Some("nodes")
+                    && let Some(new) = own.get(&node)
+                {
+                    set_pointer(&mut copy, format!("/nodes/{new}{rest}"));
+                } else {
                     continue;
-                };
-                let mut channel = channel.clone();
-                channel["target"]["node"] = (*new).into();
-                more.push(channel);
+                }
+                more.push(copy);
             }
         }
         channels.extend(more);

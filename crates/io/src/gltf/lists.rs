@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::container::{list, number};
-use super::references::{ReferenceKind, each_reference, has_extension};
+use super::references::has_extension;
 use super::repack::{ByteSpan, Repacked};
 
 /// Puts an entry at an index of a list, or at its end; returns its index.
@@ -55,30 +55,6 @@ pub(super) fn retain(json: &mut Value, name: &str, is_gone: &dyn Fn(usize, &Valu
     {
         root.shift_remove(name);
     }
-}
-
-/// Removes null accessors and views from their lists, and renumbers all references to the others.
-pub(super) fn renumber(json: &mut Value) {
-    let ranks = |json: &Value, name: &str| {
-        let mut next = 0;
-        let rank = |v: &Value| {
-            next += usize::from(!v.is_null());
-            next - usize::from(!v.is_null())
-        };
-        list(json, name).iter().map(rank).collect::<Vec<usize>>()
-    };
-    let [accessors, views] = ["accessors", "bufferViews"].map(|name| ranks(json, name));
-    let moves = |ranks: &[usize]| ranks.iter().enumerate().any(|(i, r)| i != *r);
-    if moves(&accessors) || moves(&views) {
-        each_reference(json, &mut |named, value| {
-            let ranks = if named == ReferenceKind::Accessor { &accessors } else { &views };
-            if let Some(&rank) = number(value).and_then(|i| ranks.get(i)) {
-                *value = rank.into();
-            }
-        });
-    }
-    retain(json, "accessors", &|_, v| v.is_null());
-    retain(json, "bufferViews", &|_, v| v.is_null());
 }
 
 /// Returns the byte range of a view.

@@ -19,8 +19,11 @@ use lodsmith_core::TriMesh;
 use serde_json::{Map, Value, json};
 
 use super::container::{list, list_mut, number};
+use super::extension_losses::ExtensionLosses;
+use super::features::take_replaced_by_material;
 use super::lists::{add_extension, append, take_extension};
-use super::references::INSTANCING;
+use super::references::{OF_INSTANCES, ReferenceKind, named_nodes, pointed_element, repeat_for_levels};
+use super::renumber::{Renumbering, pointer_of, set_pointer};
 
 /// Name of the extension.
 pub(super) const EXTENSION: &str = "MSFT_lod";
@@ -57,14 +60,22 @@ impl SceneLevels {
     }
 }
 
-/// Returns the JSON with nodes and meshes for all levels, and the replacement of each of its meshes.
-pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(Value, Vec<Option<TriMesh>>)> {
+/// The JSON of a scene with levels, the replacement of each of its meshes, and the extensions that are left out.
+type WithLevels = (Value, Vec<Option<TriMesh>>, ExtensionLosses);
+
+/// Returns the scene with nodes and meshes for all levels. `atlas_materials`: those with new texture coordinates.
+pub(super) fn with_levels(
+    source: &Value,
+    levels: &SceneLevels,
+    atlas_materials: &BTreeSet<usize>,
+) -> io::Result<WithLevels> {
     if nodes_of_levels(source).next().is_some() {
         let problem = "the scene already has levels of detail (MSFT_lod): use a file without them";
         return Err(io::Error::new(io::ErrorKind::InvalidInput, problem));
     }
     let source = &with_default_name(source, levels.default_name.as_deref());
     let mut json = source.clone();
+    let (mut losses, mut changes) = (ExtensionLosses::default(), Renumbering::default());
     let mesh_count = list(source, "meshes").len();
     let mut replaced: Vec<Option<TriMesh>> = levels.replaced.first().cloned().unwrap_or_default();
     replaced.resize(mesh_count, None);
@@ -86,7 +97,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
             let mut copy = source["meshes"][m].clone();
             copy["name"] = level_name(&name, &levels.separator, i + 1).into();
             let materials = levels.materials.get(i).and_then(|level| level.get(m));
-            set_materials(&mut copy, materials.map_or(&[], Vec::as_slice));
+            set_materials(&mut copy, materials.map_or(&[], Vec::as_slice), atlas_materials, &mut losses);
             numbers.push(append(&mut json, "meshes", copy));
             replaced.push(Some(mesh));
         }
@@ -96,13 +107,16 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         of_mesh.insert(m, numbers);
     }
     name_the_scene(&mut json);
-    let needs_own = needs_own_node(source);
+    let needs_own = needs_own_node(&mut json);
+    let mut of_node: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for n in 0..list(source, "nodes").len() {
         let Some(m) = number(&source["nodes"][n]["mesh"]) else { continue };
         let Some(numbers) = of_mesh.get(&m) else { continue };
         let name = name_of(source, "nodes", "node", n);
         let host = if needs_own.contains(&n) {
-            own_node(&mut json, n, &level_name(&name, &levels.separator, 0))
+            let host = own_node(&mut json, n, &level_name(&name, &levels.separator, 0));
+            changes.move_mesh(n, Some(host));
+            host
         } else {
             n
         };
@@ -116,7 +130,7 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
         if levels.numbers_level_0 {
             json["nodes"][host]["name"] = level_name(&name, &levels.separator, 0).into();
         }
-        retarget_morphs(&mut json, n, host, &ids);
+        of_node.insert(host, ids.clone());
         let node = &mut json["nodes"][host];
         node["extensions"][EXTENSION] = json!({ "ids": ids });
         let coverage = levels.coverage.get(m).filter(|all| !all.is_empty());
@@ -127,15 +141,34 @@ pub(super) fn with_levels(source: &Value, levels: &SceneLevels) -> io::Result<(V
     if !of_mesh.is_empty() {
         add_extension(&mut json, "extensionsUsed", EXTENSION);
     }
-    Ok((json, replaced))
+    changes.apply(&mut json, &mut losses);
+    let further = |kind: ReferenceKind, of: usize| match kind {
+        ReferenceKind::Mesh => {
+            let mut levels = of_mesh.get(&of).cloned().unwrap_or_default();
+            levels.retain(|level| *level != of);
+            levels.dedup();
+            levels
+        }
+        ReferenceKind::MeshNode => of_node.get(&of).cloned().unwrap_or_default(),
+        _ => Vec::new(),
+    };
+    repeat_for_levels(&mut json, &further);
+    repeat_morphs(&mut json, &further);
+    Ok((json, replaced, losses))
 }
 
 /// Sets the materials of the primitives of a mesh.
-fn set_materials(mesh: &mut Value, materials: &[usize]) {
+fn set_materials(
+    mesh: &mut Value,
+    materials: &[usize],
+    atlas_materials: &BTreeSet<usize>,
+    losses: &mut ExtensionLosses,
+) {
     for (i, primitive) in list_mut(mesh, "primitives").iter_mut().enumerate() {
         let own = materials.get(i).or(materials.first().filter(|_| materials.len() == 1));
         if let Some(own) = own.filter(|_| primitive.is_object()) {
             primitive["material"] = (*own).into();
+            take_replaced_by_material(primitive, atlas_materials.contains(own), losses);
         }
     }
 }
@@ -163,14 +196,6 @@ pub(super) fn levels_of(node: &Value) -> &[Value] {
     list(&node["extensions"][EXTENSION], "ids")
 }
 
-/// Returns the references of a node to its lower levels, mutably.
-pub(super) fn levels_of_mut(node: &mut Value) -> &mut [Value] {
-    match node.get_mut("extensions").and_then(|extensions| extensions.get_mut(EXTENSION)) {
-        Some(extension) => list_mut(extension, "ids"),
-        None => &mut [],
-    }
-}
-
 fn level_name(name: &str, mark: &str, level: usize) -> String {
     format!("{name}{mark}{level}")
 }
@@ -196,20 +221,19 @@ fn name_the_scene(json: &mut Value) {
     }
 }
 
-/// Returns the nodes that hold more than a mesh, are joints, or are animated.
-fn needs_own_node(json: &Value) -> BTreeSet<usize> {
+/// Returns the nodes that hold more than a mesh, are joints, are animated, or are named by extensions for more than their
+/// mesh.
+fn needs_own_node(json: &mut Value) -> BTreeSet<usize> {
     let mut all = BTreeSet::new();
     for (n, node) in list(json, "nodes").iter().enumerate() {
         let extensions = node["extensions"].as_object();
-        let has_more = extensions.is_some_and(|e| e.keys().any(|name| name != INSTANCING));
+        let has_more =
+            extensions.is_some_and(|e| e.keys().any(|name| !OF_INSTANCES.contains(&name.as_str())));
         if !list(node, "children").is_empty() || !node["camera"].is_null() || has_more {
             all.insert(n);
         }
     }
-    all.extend(list(json, "skins").iter().flat_map(|s| list(s, "joints")).filter_map(number));
-    let channels = list(json, "animations").iter().flat_map(|a| list(a, "channels"));
-    let moves = channels.filter(|c| c["target"]["path"] != "weights");
-    all.extend(moves.filter_map(|c| number(&c["target"]["node"])));
+    all.extend(named_nodes(json));
     all
 }
 
@@ -223,8 +247,10 @@ fn own_node(json: &mut Value, n: usize, name: &str) -> usize {
             }
         }
     }
-    if let Some(instances) = take_extension(&mut json["nodes"][n], INSTANCING) {
-        child["extensions"][INSTANCING] = instances;
+    for name in OF_INSTANCES {
+        if let Some(instances) = take_extension(&mut json["nodes"][n], name) {
+            child["extensions"][name] = instances;
+        }
     }
     let child = append(json, "nodes", child);
     let node = &mut json["nodes"][n];
@@ -246,28 +272,39 @@ fn level_node(node: &Value) -> Value {
         }
     }
     let mut copy = Value::Object(copy);
-    if let Some(instances) = node["extensions"].get(INSTANCING) {
-        copy["extensions"][INSTANCING] = instances.clone();
+    for name in OF_INSTANCES {
+        if let Some(instances) = node["extensions"].get(name) {
+            copy["extensions"][name] = instances.clone();
+        }
     }
     copy
 }
 
-/// Redirects the morph weight channels of a node to `host`, and duplicates them for the nodes of all levels.
-fn retarget_morphs(json: &mut Value, n: usize, host: usize, ids: &[usize]) {
+/// Repeats channels of animations that move morph targets for the levels of their node or mesh; `further` returns the
+/// other levels of a node or mesh.
+fn repeat_morphs(json: &mut Value, further: &dyn Fn(ReferenceKind, usize) -> Vec<usize>) {
     for animation in list_mut(json, "animations") {
         let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) else { continue };
         let mut more = Vec::new();
-        for channel in channels.iter_mut() {
+        for channel in channels.iter() {
             let target = &channel["target"];
-            if target["path"] != "weights" || number(&target["node"]) != Some(n) {
-                continue;
+            if target["path"] == "weights"
+                && let Some(node) = number(&target["node"])
+            {
+                more.extend(further(ReferenceKind::MeshNode, node).into_iter().map(|level| {
+                    let mut copy = channel.clone();
+                    copy["target"]["node"] = level.into();
+                    copy
+                }));
+            } else if let Some((kind, of, rest)) = pointer_of(channel).and_then(pointed_element)
+                && let Some(list) = kind.list()
+            {
+                more.extend(further(kind, of).into_iter().map(|level| {
+                    let mut copy = channel.clone();
+                    set_pointer(&mut copy, format!("/{list}/{level}{rest}"));
+                    copy
+                }));
             }
-            channel["target"]["node"] = host.into();
-            more.extend(ids.iter().map(|id| {
-                let mut copy = channel.clone();
-                copy["target"]["node"] = (*id).into();
-                copy
-            }));
         }
         channels.extend(more);
     }

@@ -28,21 +28,20 @@ use serde_json::Value;
 use super::accessors::{Accessor, Component};
 use super::buffers::Buffers;
 use super::container::{FileParts, emit, list, list_mut, number};
+use super::extension_losses::ExtensionLosses;
+use super::features::depends_on_order;
 use super::lists::{QUANTIZATION, needs_quantization, set_extension};
-use super::references::{ReferenceKind, each_reference};
+use super::references::{POINTERS, ReferenceKind, each_extension_in, each_reference, known};
+use super::renumber::Renumbering;
 use crate::error::{ReadError, Warning};
 use crate::format::Format;
 
 use geometry::{GeometryTask, PackedGeometry};
 use motion::{Role, Tracks, roles};
-use nodes::{GridNodes, POINTERS};
+use nodes::GridNodes;
 pub use options::{Compression, PackReport, Packing, QuantizationErrors, SceneFormat, Written};
 use quantize::{Grid, PositionBox, Rounding};
 use streams::{Output, PackedBuffers};
-
-/// Extensions of a primitive that do not depend on the order of its vertices.
-const ORDER_INDEPENDENT: [&str; 3] =
-    ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
 /// Meshes smaller than this share of the largest mesh have their own grid. (Guessed: in the shared grid they
 /// span 64 steps.)
@@ -99,11 +98,14 @@ impl PackTask<'_, '_> {
             report.cache.add(geometry.report.cache);
             rounding.errors.raise(geometry.report.errors.unwrap_or_default());
         }
+        let described = Described::take(json, &of_primitives, &geometries, &made);
         drop(geometries);
         for value in primitives_mut(json) {
             release(value);
         }
-        let mut references = GridNodes { source, buffers, grids: &grids }.apply(json, &mut output)?;
+        let mut changes = self.changes(&grids);
+        let grid_nodes = GridNodes { source, buffers, grids: &grids };
+        let mut references = grid_nodes.apply(json, &mut output, &mut changes)?;
         if packing.quantize {
             let tracks = Tracks { source, buffers, packing };
             references.extend(tracks.shorten(json, &mut rounding, &mut output)?);
@@ -115,6 +117,7 @@ impl PackTask<'_, '_> {
                 written.fill(primitive);
             }
         }
+        described.put(json);
         for (pointer, accessor) in references {
             if let Some(value) = json.pointer_mut(&pointer) {
                 *value = accessor.into();
@@ -127,6 +130,8 @@ impl PackTask<'_, '_> {
                 }
             });
         });
+        let mut losses = ExtensionLosses::default();
+        changes.apply(json, &mut losses);
         defaults::shorten(json, list(json, "extensionsUsed").iter().any(|e| e == POINTERS));
         (report.stream_bytes, report.packed_bytes) = (stream_bytes, packed_bytes);
         report.errors = packing.quantize.then_some(rounding.errors);
@@ -135,7 +140,20 @@ impl PackTask<'_, '_> {
             set_extension(json, extension, stream_bytes > 0);
         }
         let sentence = report.errors.as_ref().and_then(QuantizationErrors::sentence);
-        Ok((bytes, report, sentence.into_iter().map(Warning::note).collect()))
+        let mut warnings = losses.warnings();
+        warnings.extend(sentence.map(Warning::note));
+        Ok((bytes, report, warnings))
+    }
+
+    /// Returns what packing changes about the elements of the file: all accessors and views have other numbers, and meshes
+    /// in a grid other coordinates. (Known references to accessors and views are changed where they are made.)
+    fn changes(&self, grids: &[Option<Grid>]) -> Renumbering {
+        let mut changes = Renumbering::default();
+        for name in ["accessors", "bufferViews"] {
+            changes.change(0..list(self.source, name).len());
+        }
+        changes.change((0..).zip(grids).filter(|(_, grid)| grid.is_some()).map(|(mesh, _)| mesh));
+        changes
     }
 
     /// Returns the grid of each mesh; `None` if its positions stay as they are. Meshes of similar size share
@@ -145,9 +163,21 @@ impl PackTask<'_, '_> {
         if !self.packing.quantize {
             return Ok(vec![None; meshes.len()]);
         }
-        // Without a node, nothing transforms positions back.
-        let placed: HashSet<usize> =
+        // Without a node, nothing transforms positions back; nor where extensions use the coordinates of a mesh.
+        let mut placed: HashSet<usize> =
             list(self.source, "nodes").iter().filter_map(|n| number(&n["mesh"])).collect();
+        each_reference(&mut self.source.clone(), &mut |kind, value| {
+            let mesh = match kind {
+                ReferenceKind::ShapeMesh => number(value),
+                ReferenceKind::ShapeNode => number(value)
+                    .and_then(|n| list(self.source, "nodes").get(n))
+                    .and_then(|node| number(&node["mesh"])),
+                _ => None,
+            };
+            if let Some(mesh) = mesh {
+                placed.remove(&mesh);
+            }
+        });
         let own_box = |(m, mesh)| if placed.contains(&m) { self.position_box(mesh) } else { Ok(None) };
         let boxes: Vec<Option<PositionBox>> =
             meshes.iter().enumerate().map(own_box).collect::<Result<_, _>>()?;
@@ -213,11 +243,12 @@ impl PackTask<'_, '_> {
                     of_primitives.push(None);
                     continue;
                 }
-                let extensions = primitive["extensions"].as_object().into_iter().flat_map(|e| e.keys());
+                let both = [&mesh["extensions"], &primitive["extensions"]];
+                let mut extensions = both.into_iter().filter_map(Value::as_object).flatten();
                 let task = GeometryTask {
                     primitive,
                     grid: grids[m],
-                    may_reorder: extensions.into_iter().all(|e| ORDER_INDEPENDENT.contains(&e.as_str())),
+                    may_reorder: !extensions.any(|(name, content)| depends_on_order(name, content)),
                     packing: self.packing,
                 };
                 let parts = ["attributes", "indices", "targets", "mode"].map(|key| &primitive[key]);
@@ -264,7 +295,11 @@ impl PackTask<'_, '_> {
     ) -> Result<HashMap<usize, usize>, ReadError> {
         let (mut accessors, mut views) = (BTreeMap::new(), BTreeMap::new());
         each_reference(json, &mut |kind, value| {
-            let list = if kind == ReferenceKind::Accessor { &mut accessors } else { &mut views };
+            let list = match kind {
+                ReferenceKind::Accessor => &mut accessors,
+                ReferenceKind::View => &mut views,
+                _ => return,
+            };
             if let Some(index) = number(value) {
                 list.insert(index, 0usize);
             }
@@ -307,6 +342,69 @@ impl PackTask<'_, '_> {
         }
         Ok(output.copy_accessor(source, &views))
     }
+}
+
+/// References in extensions of meshes to accessors of the vertices of the same mesh: they follow the vertices, where their
+/// order stays.
+struct Described(Vec<(usize, usize, usize)>);
+
+impl Described {
+    /// Sets such references to null; returns the mesh of each, its place among the references of the mesh, and the new
+    /// accessor.
+    fn take(
+        json: &mut Value,
+        of_primitives: &[Option<usize>],
+        geometries: &[PackedGeometry],
+        made: &[NewReferences],
+    ) -> Self {
+        let mut all = Vec::new();
+        let mut of_primitives = of_primitives.iter();
+        for (m, mesh) in list_mut(json, "meshes").iter_mut().enumerate() {
+            let of_mesh = of_primitives.by_ref().take(list(mesh, "primitives").len()).flatten();
+            let mut known: HashMap<usize, usize> = HashMap::new();
+            for &at in of_mesh.filter(|at| geometries[**at].keeps_order) {
+                let streams = geometries[at].streams.iter().zip(&made[at].attributes);
+                known.extend(streams.map(|((_, from, _), (_, to))| (*from, *to)));
+            }
+            let mut place = 0;
+            each_accessor_of_extensions(mesh, &mut |value| {
+                if let Some(new) = number(value).and_then(|old| known.get(&old)) {
+                    *value = Value::Null;
+                    all.push((m, place, *new));
+                }
+                place += 1;
+            });
+        }
+        Self(all)
+    }
+
+    fn put(self, json: &mut Value) {
+        let mut next = self.0.into_iter().peekable();
+        for (m, mesh) in list_mut(json, "meshes").iter_mut().enumerate() {
+            let mut place = 0;
+            each_accessor_of_extensions(mesh, &mut |value| {
+                if let Some((.., new)) = next.next_if(|(of, at, _)| (*of, *at) == (m, place)) {
+                    *value = new.into();
+                }
+                place += 1;
+            });
+        }
+    }
+}
+
+/// Calls `visit` for each reference to an accessor in the extensions of a mesh and its primitives.
+fn each_accessor_of_extensions(mesh: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    each_extension_in(mesh, "meshes", &mut |host, name, content| {
+        if let Some(known) = known(name) {
+            known.visit(host, content, &mut 0, &mut |kind, value| {
+                if kind == ReferenceKind::Accessor {
+                    visit(value);
+                }
+                true
+            });
+        }
+        true
+    });
 }
 
 /// New accessors of a primitive.

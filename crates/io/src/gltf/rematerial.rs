@@ -8,9 +8,13 @@ use serde_json::{Value, json};
 
 use super::Scene;
 use super::container::{list, list_mut, number};
+use super::extension_losses::ExtensionLosses;
+use super::features::take_replaced_by_material;
 use super::inventory::MATERIALS_OF_MODELS;
-use super::lists::{add_extension, append, drop_unused_extensions, renumber, retain, take_extension};
-use super::references::each_reference;
+use super::lists::{add_extension, append, drop_unused_extensions, take_extension};
+use super::references::{ReferenceKind, each_owning_reference, each_reference};
+use super::renumber::Renumbering;
+use super::vrm::append_material;
 use crate::excerpt::excerpt;
 
 /// A texture of a material.
@@ -83,7 +87,11 @@ impl Scene {
         if material["extensions"][STRENGTH].is_object() {
             add_extension(&mut self.json, "extensionsUsed", STRENGTH);
         }
-        append(&mut self.json, "materials", material)
+        let added = append_material(&mut self.json, material);
+        if new.base.is_none() {
+            self.atlas_materials.insert(added);
+        }
+        added
     }
 
     /// Returns the names of the extensions of some materials that a [`Material`] does not hold, in alphabetical order.
@@ -98,12 +106,15 @@ impl Scene {
         names.into_iter().take(16).map(|name| excerpt(name)).collect()
     }
 
-    /// Sets the material of all primitives of a mesh with triangles or, with `primitive`, of one.
+    /// Sets the material of all primitives of a mesh with triangles or, with `primitive`, of one. Other materials that
+    /// variants choose for it are left out; a warning comes with those of writing the scene.
     pub fn set_material(&mut self, mesh: usize, primitive: Option<usize>, material: usize) {
         let Some(mesh) = list_mut(&mut self.json, "meshes").get_mut(mesh) else { return };
+        let has_new_uvs = self.atlas_materials.contains(&material);
         for (i, entry) in list_mut(mesh, "primitives").iter_mut().enumerate() {
             if entry.is_object() && primitive.is_none_or(|p| p == i) {
                 entry["material"] = material.into();
+                take_replaced_by_material(entry, has_new_uvs, &mut self.losses);
             }
         }
     }
@@ -120,57 +131,28 @@ impl Scene {
                 }
             }
             None => {
-                let material = append(&mut self.json, "materials", json!({ "doubleSided": true }));
-                self.set_material(mesh, Some(primitive), material);
+                let material = append_material(&mut self.json, json!({ "doubleSided": true }));
+                list_mut(&mut self.json["meshes"][mesh], "primitives")[primitive]["material"] =
+                    material.into();
             }
         }
     }
 
-    /// Removes materials that no mesh uses, the textures and images that only they used, and samplers without
-    /// textures.
+    /// Removes materials that nothing uses, the textures and images that only they used, and samplers without textures.
+    /// What else refers to them, such as animations and expressions of avatars, goes with them; the warnings come with
+    /// those of writing the scene.
     pub fn drop_unused_materials(&mut self) {
-        let json = &mut self.json;
-        // Variants name materials in an extension of each primitive.
-        let has_variants = list(json, "extensionsUsed").iter().any(|e| e == "KHR_materials_variants");
-        if !has_variants {
-            let primitives = list(json, "meshes").iter().flat_map(|m| list(m, "primitives"));
-            let used: HashSet<usize> = primitives.filter_map(|p| number(&p["material"])).collect();
-            let rank = drop_unused(json, "materials", &used);
-            for mesh in list_mut(json, "meshes") {
-                for primitive in list_mut(mesh, "primitives") {
-                    renumber_at(primitive, "material", &rank);
-                }
-            }
-        }
-        let mut used = HashSet::new();
-        for material in list_mut(json, "materials") {
-            each_texture(material, &mut |index| used.extend(number(index)));
-        }
-        let rank = drop_unused(json, "textures", &used);
-        for material in list_mut(json, "materials") {
-            each_texture(material, &mut |index| {
-                if let Some(to) = number(index).and_then(|i| rank.get(i)) {
-                    *index = (*to).into();
-                }
-            });
-        }
-        let mut used = HashSet::new();
-        for texture in list_mut(json, "textures") {
-            each_source(texture, &mut |index| used.extend(number(index)));
-        }
-        let samplers = list(json, "textures").iter().filter_map(|t| number(&t["sampler"])).collect();
-        let rank = drop_unused(json, "samplers", &samplers);
-        list_mut(json, "textures").iter_mut().for_each(|t| renumber_at(t, "sampler", &rank));
-        free_views_of_images(json, &used);
-        let rank = drop_unused(json, "images", &used);
-        for texture in list_mut(json, "textures") {
-            each_source(texture, &mut |index| {
-                if let Some(to) = number(index).and_then(|i| rank.get(i)) {
-                    *index = (*to).into();
-                }
-            });
-        }
-        renumber(json);
+        use ReferenceKind::{Image, Material, Sampler, Texture};
+        self.atlas_materials.clear();
+        let (json, losses) = (&mut self.json, &mut self.losses);
+        drop_unused(json, &[Material], losses);
+        drop_unused(json, &[Texture], losses);
+        let images = used(json, Image);
+        free_views_of_images(json, &images);
+        drop_unused(json, &[Sampler, Image], losses);
+        let mut changes = Renumbering::default();
+        changes.remove_nulls(json);
+        changes.apply(json, losses);
         let of_materials: Vec<String> = list(json, "extensionsUsed")
             .iter()
             .filter_map(Value::as_str)
@@ -279,53 +261,25 @@ fn put_texture(material: &mut Value, slot: TextureSlot, texture: usize, look: &M
     }
 }
 
-/// Calls `visit` for each texture that a material refers to, also in extensions.
-fn each_texture(value: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
-    match value {
-        Value::Object(object) => {
-            for (key, inner) in object.iter_mut() {
-                if key.ends_with("Texture") && inner["index"].is_number() {
-                    visit(&mut inner["index"]);
-                }
-                if key != "extras" {
-                    each_texture(inner, visit);
-                }
-            }
+/// Returns the elements of a kind that something uses.
+fn used(json: &mut Value, kind: ReferenceKind) -> HashSet<usize> {
+    let mut used = HashSet::new();
+    each_owning_reference(json, &mut |named, value| {
+        if named == kind {
+            used.extend(number(value));
         }
-        Value::Array(all) => all.iter_mut().for_each(|inner| each_texture(inner, visit)),
-        _ => {}
-    }
-}
-
-/// Calls `visit` for each image that a texture refers to, also in extensions.
-fn each_source(texture: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
-    if texture["source"].is_number() {
-        visit(&mut texture["source"]);
-    }
-    let extensions = texture.get_mut("extensions").and_then(Value::as_object_mut);
-    for (_, extension) in extensions.into_iter().flatten() {
-        if extension["source"].is_number() {
-            visit(&mut extension["source"]);
-        }
-    }
-}
-
-/// Removes the entries of a list that are not used; returns the new index of each.
-fn drop_unused(json: &mut Value, name: &str, used: &HashSet<usize>) -> Vec<usize> {
-    let mut next = 0;
-    let rank = (0..list(json, name).len()).map(|i| {
-        next += usize::from(used.contains(&i));
-        next.saturating_sub(1)
     });
-    let rank = rank.collect();
-    retain(json, name, &|i, _| !used.contains(&i));
-    rank
+    used
 }
 
-fn renumber_at(object: &mut Value, key: &str, rank: &[usize]) {
-    if let Some(to) = object.get(key).and_then(number).and_then(|i| rank.get(i)) {
-        object[key] = (*to).into();
+/// Removes the elements of some kinds that nothing uses.
+fn drop_unused(json: &mut Value, kinds: &[ReferenceKind], losses: &mut ExtensionLosses) {
+    let mut changes = Renumbering::default();
+    for &kind in kinds {
+        let used = used(json, kind);
+        changes.remove(json, kind, &|i, _| !used.contains(&i));
     }
+    changes.apply(json, losses);
 }
 
 /// Clears the views of images that are not used, unless something else refers to them.
@@ -339,7 +293,7 @@ fn free_views_of_images(json: &mut Value, used: &HashSet<usize>) {
     }
     let mut still = HashSet::new();
     each_reference(json, &mut |kind, value| {
-        if kind == super::references::ReferenceKind::View {
+        if kind == ReferenceKind::View {
             still.extend(number(value));
         }
     });

@@ -25,20 +25,18 @@ use super::accessors::Component;
 use super::container::{FileParts, list, number};
 use super::encode::{NumberType, encode, normalize_weights, unit_directions};
 use super::external_files::relink;
-use super::lists::{QUANTIZATION, needs_quantization, set_extension, take_extension};
+use super::features;
+use super::lists::{QUANTIZATION, needs_quantization, set_extension};
 use super::mesh::TYPE_NAMES;
 use super::pack::{Compression, SceneFormat};
 use super::primitive::Primitive;
+use super::references::{METADATA, ReferenceKind, known};
 use super::slot::Slot;
-use edit::{AccessorRole, Edit, Spot, VERTEX_EXTENSION, VERTEX_TARGET};
+use edit::{AccessorRole, Edit, Spot, VERTEX_TARGET};
 
 use crate::attributes::rounding_warning;
 use crate::error::Warning;
 use crate::format::Format;
-
-/// Extensions of a primitive that do not depend on its vertices.
-const VERTEX_INDEPENDENT_EXTENSIONS: [&str; 3] =
-    ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
 
 /// Makes the file, which [`pack::write`](super::pack::write) packs if the format requests it. `was_compressed` says
 /// whether the buffers were decoded from compressed streams.
@@ -147,6 +145,8 @@ impl Edit<'_> {
                 task.values.entry(slot).or_insert(values);
             }
         }
+        self.leave_out_ordered(index, None);
+        self.changes.change([index]);
         for (p, faces) in faces.into_iter().enumerate() {
             let Some(faces) = faces else { continue };
             self.release(index, p);
@@ -172,37 +172,41 @@ impl Edit<'_> {
     /// Releases the accessors of a primitive: references become null until a piece replaces them.
     fn release(&mut self, mesh: usize, primitive: usize) {
         let Self { json, released, .. } = self;
-        let primitive = &mut json["meshes"][mesh]["primitives"][primitive];
+        let element = &mut json["meshes"][mesh]["primitives"][primitive];
         let mut empty = |value: &mut Value| {
             released.extend(number(value));
             *value = Value::Null;
         };
-        if let Some(indices) = primitive.get_mut("indices") {
+        if let Some(indices) = element.get_mut("indices") {
             empty(indices);
         }
-        if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
+        if let Some(attributes) = element.get_mut("attributes").and_then(Value::as_object_mut) {
             attributes.values_mut().for_each(&mut empty);
         }
-        let targets = primitive.get_mut("targets").and_then(Value::as_array_mut).into_iter().flatten();
+        let targets = element.get_mut("targets").and_then(Value::as_array_mut).into_iter().flatten();
         for target in targets.filter_map(Value::as_object_mut) {
             target.values_mut().for_each(&mut empty);
         }
-        if let Some(mode) = primitive.get_mut("mode") {
+        if let Some(mode) = element.get_mut("mode") {
             *mode = 4.into();
         }
-        if let Some(taken) = take_extension(primitive, VERTEX_EXTENSION) {
-            self.warnings
-                .push(Warning::lost(format!("the {VERTEX_EXTENSION} of meshes[{mesh}] is left out")));
-            released.extend(number(&taken["indices"]));
-        }
-        let unknown = primitive["extensions"].as_object().into_iter().flat_map(|e| e.keys());
-        for extension in unknown.filter(|e| !VERTEX_INDEPENDENT_EXTENSIONS.contains(&e.as_str())) {
-            let text = format!(
-                "the extension {extension} of meshes[{mesh}] is kept unchanged, although the vertices have changed"
-            );
-            if !self.warnings.iter().any(|w| w.text == text) {
-                self.warnings.push(Warning::note(text));
-            }
+        self.leave_out_ordered(mesh, Some(primitive));
+    }
+
+    /// Removes extensions of a mesh or one of its primitives that depend on vertices, and releases their accessors.
+    fn leave_out_ordered(&mut self, mesh: usize, primitive: Option<usize>) {
+        let Self { json, released, losses, .. } = self;
+        let mesh = &mut json["meshes"][mesh];
+        let (element, host) = match primitive {
+            Some(primitive) => (&mut mesh["primitives"][primitive], "primitives"),
+            None => (mesh, "meshes"),
+        };
+        for (name, mut content) in features::take_ordered(element, losses) {
+            let Some(known) = known(&name) else { continue };
+            known.visit(host, &mut content, &mut 0, &mut |kind, value| {
+                released.extend(number(value).filter(|_| kind == ReferenceKind::Accessor));
+                true
+            });
         }
     }
 
@@ -251,6 +255,9 @@ impl Edit<'_> {
         }
         // A target can only move attributes that the primitive has.
         let names: HashSet<String> = self.pieces[first..].iter().filter_map(|p| p.spot.attribute()).collect();
+        let metadata = &self.source["extensions"][METADATA];
+        let edited = &mut self.json["meshes"][mesh]["primitives"][p];
+        features::keep_carried(edited, metadata, &names, &mut self.losses);
         for (t, target) in list(source, "targets").iter().enumerate() {
             let before = self.pieces.len();
             for (key, old) in target.as_object().into_iter().flatten() {

@@ -1,6 +1,6 @@
 //! A whole glTF file: its meshes can be read and replaced, everything else is preserved.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -11,6 +11,7 @@ use super::buffers::{Buffers, path_of};
 use super::builder::BuiltScene;
 use super::container::{Document, FileParts, list, list_mut, number, whole};
 use super::copies::{self, CopyPlace};
+use super::extension_losses::ExtensionLosses;
 use super::external_files::{external_uris, is_file};
 use super::lists::append;
 use super::lod::{self, SceneLevels};
@@ -52,6 +53,10 @@ pub struct Scene {
     /// Location of images in separate files.
     pub(super) assets: Assets,
     pub(super) limits: Limits,
+    /// Extensions that edits have left out since the file was read.
+    pub(super) losses: ExtensionLosses,
+    /// Materials that were added for new texture coordinates, until materials are removed.
+    pub(super) atlas_materials: BTreeSet<usize>,
     /// Size in bytes of the file, or of its buffers if they are larger.
     size: usize,
 }
@@ -164,7 +169,7 @@ impl Scene {
     ) -> Result<Self, ReadError> {
         let mut buffers = Buffers::new(&document, options.files(), options.limits).load_all()?;
         let mut json = document.json;
-        let unpacked = unpack::unpack(&mut json, &mut buffers, options.limits.max_bytes())?;
+        let (unpacked, losses) = unpack::unpack(&mut json, &mut buffers, options.limits.max_bytes())?;
         for buffer in list_mut(&mut json, "buffers") {
             if let Some(uri) = buffer.get_mut("uri") {
                 *uri = "".into();
@@ -179,7 +184,7 @@ impl Scene {
         let need = (file_bytes as u64).saturating_add(held).saturating_add(geometry.saturating_mul(11) / 4);
         options.limits.check_memory("reading glTF", need)?;
 
-        let mut warnings = Vec::new();
+        let mut warnings = losses.warnings();
         let size;
         let (meshes, contents, bounds) = {
             let opened = Buffers::loaded(&json, &buffers, unpacked);
@@ -223,6 +228,8 @@ impl Scene {
             unpacked,
             assets,
             limits,
+            losses: ExtensionLosses::default(),
+            atlas_materials: BTreeSet::new(),
             size,
         })
     }
@@ -338,7 +345,9 @@ impl Scene {
         to: SceneFormat,
         relink: &dyn Fn(&str) -> Option<String>,
     ) -> io::Result<FileParts> {
-        replace::parts((json, &self.buffers, self.unpacked > 0), replaced, to, relink)
+        let mut parts = replace::parts((json, &self.buffers, self.unpacked > 0), replaced, to, relink)?;
+        parts.warnings.splice(0..0, self.losses.warnings());
+        Ok(parts)
     }
 
     /// Writes the scene with levels of detail, by the extension `MSFT_lod`: every node whose mesh has levels
@@ -355,9 +364,11 @@ impl Scene {
         relink: &dyn Fn(&str) -> Option<String>,
         out: &mut dyn Write,
     ) -> io::Result<Written> {
-        let (json, replaced) = lod::with_levels(&self.json, levels)?;
+        let (json, replaced, losses) = lod::with_levels(&self.json, levels, &self.atlas_materials)?;
         let to = to.into();
-        pack::write(self.parts(&json, &replaced, to, relink)?, to, out)
+        let mut parts = self.parts(&json, &replaced, to, relink)?;
+        parts.warnings.splice(0..0, losses.warnings());
+        pack::write(parts, to, out)
     }
 
     /// Returns the scene with some meshes replaced: the one that [`read`](Self::read) gives for the GLB that

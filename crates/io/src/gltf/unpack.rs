@@ -16,6 +16,7 @@ use serde_json::Value;
 
 use super::compressed::{DRACO, MESHOPT, extension};
 use super::container::list;
+use super::extension_losses::ExtensionLosses;
 use super::lists::drop_unused_extensions;
 use crate::error::ReadError;
 
@@ -34,14 +35,16 @@ pub(super) fn is_needed(json: &Value) -> bool {
         || primitives.any(|p| !p["extensions"][DRACO].is_null())
 }
 
-/// Decodes all compressed streams; returns the number of decoded bytes.
+/// Decodes all compressed streams; returns the number of decoded bytes, and the extensions that are left out since views
+/// have other numbers.
 pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
     limit: u64,
-) -> Result<usize, ReadError> {
+) -> Result<(usize, ExtensionLosses), ReadError> {
+    let mut losses = ExtensionLosses::default();
     if !is_needed(json) {
-        return Ok(0);
+        return Ok((0, losses));
     }
     let packed: u64 = buffers.iter().map(|b| b.len() as u64).sum();
     let mut room = DecodeBudget {
@@ -49,9 +52,9 @@ pub(super) fn unpack(
         used: 0,
     };
     views::unpack(json, buffers, &mut room)?;
-    draco::unpack(json, buffers, &mut room)?;
+    draco::unpack(json, buffers, &mut room, &mut losses)?;
     drop_unused_extensions(json, &[MESHOPT[0], MESHOPT[1], DRACO]);
-    Ok(room.used as usize)
+    Ok((room.used as usize, losses))
 }
 
 #[cfg(test)]

@@ -80,10 +80,11 @@ pub(crate) fn everything() -> (Value, Vec<u8>) {
     let json = pack.json(json!({
         "scene": 1,
         "extras": {"z": 1, "a": [null, {"k": 0.1}]},
-        "extensionsUsed": ["KHR_lights_punctual", "ACME_unknown"],
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_audio_emitter", "ACME_unknown"],
         "extensions": {
             "KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 3.5}]},
-            "ACME_unknown": {"zeta": [1, 2], "alpha": {"bufferView": image}},
+            "KHR_audio_emitter": {"audio": [{"bufferView": image}]},
+            "ACME_unknown": {"zeta": [0.5, 1000], "alpha": {"on": true}},
         },
         "scenes": [{"name": "empty"}, {"nodes": [0, 1, 4]}],
         "nodes": [

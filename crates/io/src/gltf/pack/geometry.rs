@@ -28,6 +28,8 @@ pub(super) struct PackedGeometry {
     pub(super) index_source: Option<usize>,
     /// True if it consists of triangles now, whatever it was before.
     pub(super) has_faces: bool,
+    /// True if the vertices have their old order.
+    pub(super) keeps_order: bool,
     pub(super) report: PackReport,
 }
 
@@ -78,12 +80,14 @@ impl GeometryTask<'_> {
             indices: None,
             index_source: number(&self.primitive["indices"]),
             has_faces: Primitive::has_faces(self.primitive, name)?,
+            keeps_order: true,
             report: PackReport::default(),
         };
         if made.has_faces && self.may_reorder {
             let primitive = Primitive::new(json, buffers, self.primitive, name.to_owned(), count)?;
             let (triangles, _) = primitive.triangles(json, buffers, count)?;
             made.reorder(&triangles, count, self.packing.compression);
+            made.keeps_order = false;
         } else {
             made.has_faces &= number(&self.primitive["mode"]).is_none_or(|mode| mode == 4);
             if let Some(source) = made.index_source {

@@ -6,11 +6,12 @@ use serde_json::{Value, json};
 
 use super::super::accessors::{Accessor, Component};
 use super::super::buffers::Buffers;
-use super::super::container::{list, list_mut, number};
+use super::super::container::{list, number};
 use super::super::encode::NumberType;
 use super::super::lists::append;
 use super::super::meshopt::Filter;
-use super::super::references::INSTANCING;
+use super::super::references::{INSTANCING, named_nodes};
+use super::super::renumber::Renumbering;
 use super::quantize::Grid;
 use super::streams::{Output, PackedStream, StreamKind};
 use crate::error::ReadError;
@@ -29,7 +30,12 @@ pub(super) type References = Vec<(String, usize)>;
 impl GridNodes<'_, '_> {
     /// Changes nodes, skins and instances; appends their data to the output. Returns the references to it,
     /// which are null until all others have been renumbered.
-    pub(super) fn apply(&self, json: &mut Value, output: &mut Output) -> Result<References, ReadError> {
+    pub(super) fn apply(
+        &self,
+        json: &mut Value,
+        output: &mut Output,
+        changes: &mut Renumbering,
+    ) -> Result<References, ReadError> {
         let mut references = References::new();
         let mut of_skins: HashMap<(usize, GridKey), usize> = HashMap::new();
         let mut taken: Vec<bool> = vec![false; list(json, "skins").len()];
@@ -60,7 +66,8 @@ impl GridNodes<'_, '_> {
                 json["nodes"][n]["skin"] = own.into();
                 // A skin ignores the transform of its node; readers without skins need it.
                 if let Some(grid) = grid {
-                    own_node(json, n, grid);
+                    changes.change([skin]);
+                    changes.move_mesh(n, Some(own_node(json, n, grid)));
                 }
                 continue;
             }
@@ -68,9 +75,10 @@ impl GridNodes<'_, '_> {
             if !node["extensions"][INSTANCING].is_null() {
                 self.instances(json, n, grid, output, &mut references)?;
             } else if plain[n] {
+                changes.change([n]);
                 fold(&mut json["nodes"][n], grid);
             } else {
-                own_node(json, n, grid);
+                changes.move_mesh(n, Some(own_node(json, n, grid)));
             }
         }
         Ok(references)
@@ -209,29 +217,19 @@ fn rotated([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
 
 /// Returns for each node whether only its mesh depends on its transform, and it has no name that a user could
 /// look for.
-fn plain_nodes(json: &Value) -> Vec<bool> {
+fn plain_nodes(json: &mut Value) -> Vec<bool> {
     let is_plain = |node: &Value| {
         let bare = |key: &str| node[key].is_null();
         ["children", "camera", "extensions", "extras", "name", "skin"].into_iter().all(bare)
     };
     let mut plain: Vec<bool> = list(json, "nodes").iter().map(is_plain).collect();
-    let joints = list(json, "skins").iter().flat_map(|s| list(s, "joints").iter().chain([&s["skeleton"]]));
-    let channels = list(json, "animations").iter().flat_map(|a| list(a, "channels"));
-    let moved = channels.map(|c| &c["target"]["node"]);
-    for n in joints.chain(moved).filter_map(number) {
+    for n in named_nodes(json) {
         if let Some(plain) = plain.get_mut(n) {
             *plain = false;
         }
     }
-    // Any extension may have strings that point into nodes.
-    if list(json, "extensionsUsed").iter().any(|e| e == POINTERS) {
-        plain.fill(false);
-    }
     plain
 }
-
-/// Pointers into the JSON of the file, as strings.
-pub(super) const POINTERS: &str = "KHR_animation_pointer";
 
 /// Changes the transform of a node, so that its mesh may start from the grid.
 fn fold(node: &mut Value, grid: Grid) {
@@ -259,9 +257,8 @@ fn fold(node: &mut Value, grid: Grid) {
     node["scale"] = json!([0, 1, 2].map(|k| scale[k] * f64::from(grid.step)));
 }
 
-/// Moves the mesh of a node to a new child with the transform from the grid; animations of its morph targets
-/// follow.
-fn own_node(json: &mut Value, n: usize, grid: Grid) {
+/// Moves the mesh of a node to a new child with the transform from the grid; returns the index of the child.
+fn own_node(json: &mut Value, n: usize, grid: Grid) -> usize {
     let mut child = json!({ "translation": grid.offset, "scale": [grid.step, grid.step, grid.step] });
     if let Some(node) = json["nodes"][n].as_object_mut() {
         for key in ["mesh", "skin", "weights"] {
@@ -276,20 +273,5 @@ fn own_node(json: &mut Value, n: usize, grid: Grid) {
         Some(children) => children.push(child.into()),
         None => node["children"] = json!([child]),
     }
-    let pointer = format!("/nodes/{n}/weights");
-    for animation in list_mut(json, "animations") {
-        for channel in list_mut(animation, "channels") {
-            let target = &mut channel["target"];
-            if target["path"] == "weights" && number(&target["node"]) == Some(n) {
-                target["node"] = child.into();
-            }
-            let Some(path) = target.pointer_mut("/extensions/KHR_animation_pointer/pointer") else {
-                continue;
-            };
-            let rest = path.as_str().and_then(|p| p.strip_prefix(&pointer)).map(str::to_owned);
-            if let Some(rest) = rest {
-                *path = format!("/nodes/{child}/weights{rest}").into();
-            }
-        }
-    }
+    child
 }

@@ -7,14 +7,13 @@ use serde_json::Value;
 
 use super::super::accessors::Component;
 use super::super::encode::NumberType;
+use super::super::extension_losses::ExtensionLosses;
+use super::super::renumber::Renumbering;
 use crate::error::Warning;
 
 /// Targets of views.
 pub(super) const VERTEX_TARGET: u32 = 34962;
 pub(super) const INDEX_TARGET: u32 = 34963;
-
-/// Extension of a primitive that depends on its vertices, and is removed with them.
-pub(super) const VERTEX_EXTENSION: &str = "CESIUM_primitive_outline";
 
 /// A new accessor.
 pub(super) struct Piece {
@@ -84,6 +83,10 @@ pub(super) struct Edit<'s> {
     /// Names of primitives that have no faces left.
     pub(super) emptied: Vec<String>,
     pub(super) warnings: Vec<Warning>,
+    /// Extensions that are left out.
+    pub(super) losses: ExtensionLosses,
+    /// Changes of numbers and of their meaning.
+    pub(super) changes: Renumbering,
 }
 
 impl<'s> Edit<'s> {
@@ -97,6 +100,8 @@ impl<'s> Edit<'s> {
             released: BTreeSet::new(),
             emptied: Vec::new(),
             warnings: Vec::new(),
+            losses: ExtensionLosses::default(),
+            changes: Renumbering::default(),
         }
     }
 }

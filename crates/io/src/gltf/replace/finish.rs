@@ -6,11 +6,11 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 
 use super::super::container::{list, list_mut, number};
-use super::super::lists::{drop_nulls, drop_unused_extensions, move_view, put, renumber, view_span};
+use super::super::lists::{drop_nulls, move_view, put, view_span};
 use super::super::mesh::TYPE_NAMES;
 use super::super::references::{ReferenceKind, each_reference, views_of};
 use super::super::repack::Repacked;
-use super::edit::{AccessorRole, Data, Edit, NewView, Piece, Spot, VERTEX_EXTENSION};
+use super::edit::{AccessorRole, Data, Edit, NewView, Piece, Spot};
 use crate::error::Warning;
 
 /// Indices of accessors and views that are free.
@@ -22,7 +22,6 @@ struct FreeIndices {
 impl Edit<'_> {
     /// Places the pieces in the file; returns the JSON, its bytes and the warnings.
     pub(super) fn finish(mut self, buffers: &[Arc<Vec<u8>>]) -> (Value, Vec<u8>, Vec<Warning>) {
-        let is_changed = !self.released.is_empty();
         self.free();
         let is_free = |json: &Value, name: &str| -> BTreeSet<usize> {
             list(json, name).iter().enumerate().filter(|(_, v)| v.is_null()).map(|(i, _)| i).collect()
@@ -84,10 +83,9 @@ impl Edit<'_> {
             }
         }
         self.tidy();
-        if is_changed {
-            drop_unused_extensions(&mut self.json, &[VERTEX_EXTENSION]);
-        }
-        renumber(&mut self.json);
+        self.changes.remove_nulls(&self.json);
+        self.changes.apply(&mut self.json, &mut self.losses);
+        self.warnings.extend(self.losses.warnings());
         (self.json, bytes, self.warnings)
     }
 
@@ -103,6 +101,7 @@ impl Edit<'_> {
         for &i in self.released.iter().filter(|i| !still[0].contains(*i)) {
             let Some(accessor) = list_mut(&mut self.json, "accessors").get_mut(i) else { continue };
             let mut taken = accessor.take();
+            self.changes.change([i]);
             views_of(&mut taken, &mut |_, value| views.extend(number(value)));
         }
         each_reference(&mut self.json, &mut |named, value| {
@@ -113,6 +112,7 @@ impl Edit<'_> {
         for &i in views.iter().filter(|i| !still[1].contains(*i)) {
             if let Some(view) = list_mut(&mut self.json, "bufferViews").get_mut(i) {
                 *view = Value::Null;
+                self.changes.change([i]);
             }
         }
     }

@@ -5,8 +5,8 @@ use std::collections::{BTreeSet, HashSet};
 use serde_json::Value;
 
 use super::super::container::{list, list_mut, number};
-use super::super::lists::{drop_nulls, retain, take_extension};
-use super::super::references::INSTANCING;
+use super::super::lists::{drop_nulls, take_extension};
+use super::super::references::{OF_INSTANCES, ReferenceKind};
 use super::edit::Edit;
 use crate::error::Warning;
 
@@ -40,6 +40,9 @@ impl Edit<'_> {
         for (m, mesh) in list_mut(&mut self.json, "meshes").iter_mut().enumerate() {
             let Some(primitives) = mesh.get_mut("primitives").and_then(Value::as_array_mut) else { continue };
             let before = primitives.len();
+            if let Some(first) = primitives.iter().position(Value::is_null) {
+                self.changes.change(first..before);
+            }
             primitives.retain(|p| !p.is_null());
             if primitives.is_empty() && before > 0 {
                 emptied.insert(m);
@@ -68,9 +71,11 @@ impl Edit<'_> {
         let meshes = list(self.source, "meshes").iter().zip(list(&self.json, "meshes"));
         let lost_joints: Vec<bool> =
             meshes.map(|(before, now)| has_joints(before) && !has_joints(now)).collect();
-        for node in list_mut(&mut self.json, "nodes").iter_mut().filter_map(Value::as_object_mut) {
+        for (n, node) in list_mut(&mut self.json, "nodes").iter_mut().enumerate() {
+            let Some(node) = node.as_object_mut() else { continue };
             let mesh = node.get("mesh").and_then(number);
             if mesh.is_some_and(|m| lost_joints.get(m) == Some(&true)) {
+                self.changes.change([n]);
                 node.shift_remove("skin");
             }
         }
@@ -89,36 +94,23 @@ impl Edit<'_> {
         }));
         let mut bare = HashSet::new();
         for (n, node) in list_mut(&mut self.json, "nodes").iter_mut().enumerate() {
-            let Some(mesh) = node.get("mesh").and_then(number) else { continue };
-            if !emptied.contains(&mesh) {
-                node["mesh"] = (mesh - emptied.range(..mesh).count()).into();
+            if !node.get("mesh").and_then(number).is_some_and(|mesh| emptied.contains(&mesh)) {
                 continue;
             }
             bare.insert(n);
-            take_extension(node, INSTANCING);
+            self.changes.move_mesh(n, None);
+            for name in OF_INSTANCES {
+                take_extension(node, name);
+            }
             if let Some(node) = node.as_object_mut() {
                 ["mesh", "skin", "weights"].iter().for_each(|key| drop(node.shift_remove(*key)));
             }
         }
         // Such a channel no longer has a mesh to morph.
-        let is_idle = |channel: &Value| {
+        self.changes.drop_channels(&mut self.json, &|channel| {
             let target = &channel["target"];
             target["path"] == "weights" && number(&target["node"]).is_some_and(|n| bare.contains(&n))
-        };
-        for animation in list_mut(&mut self.json, "animations") {
-            if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
-                let before = channels.len();
-                channels.retain(|c| !is_idle(c));
-                if channels.is_empty() && before > 0 {
-                    *animation = Value::Null;
-                }
-            }
-        }
-        for (name, is_gone) in [
-            ("meshes", &(|i: usize, _: &Value| emptied.contains(&i)) as &dyn Fn(usize, &Value) -> bool),
-            ("animations", &|_, v| v.is_null()),
-        ] {
-            retain(&mut self.json, name, is_gone);
-        }
+        });
+        self.changes.remove(&self.json, ReferenceKind::Mesh, &|m, _| emptied.contains(&m));
     }
 }

@@ -11,9 +11,11 @@ use super::super::buffers::Buffers;
 use super::super::compressed::DRACO;
 use super::super::container::{entry, list, list_mut, number, whole};
 use super::super::encode::{EncodedAccessor, NumberType, encode, normalize_weights};
-use super::super::lists::{append, put, renumber, take_extension, view_span};
+use super::super::extension_losses::ExtensionLosses;
+use super::super::lists::{append, put, take_extension, view_span};
 use super::super::mesh::TYPE_NAMES;
 use super::super::references::{ReferenceKind, each_reference, views_of};
+use super::super::renumber::Renumbering;
 use super::decoded::{DecodeBudget, DecodedBytes};
 use crate::error::ReadError;
 
@@ -41,6 +43,7 @@ pub(super) fn unpack(
     json: &mut Value,
     buffers: &mut Vec<Arc<Vec<u8>>>,
     room: &mut DecodeBudget,
+    losses: &mut ExtensionLosses,
 ) -> Result<(), ReadError> {
     let mut jobs = Vec::new();
     for (m, mesh) in list(json, "meshes").iter().enumerate() {
@@ -66,7 +69,7 @@ pub(super) fn unpack(
         out.add(json, job, &mesh, room)?;
         latest = Some((job.view, mesh));
     }
-    out.finish(json, buffers);
+    out.finish(json, buffers, losses);
     Ok(())
 }
 
@@ -278,7 +281,7 @@ impl DracoOutput {
     }
 
     /// Removes the streams, and views that only readers without the extension need.
-    fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>) {
+    fn finish(mut self, json: &mut Value, buffers: &mut Vec<Arc<Vec<u8>>>, losses: &mut ExtensionLosses) {
         let mut named = BTreeSet::new();
         each_reference(json, &mut |kind, value| {
             if kind == ReferenceKind::View {
@@ -292,7 +295,9 @@ impl DracoOutput {
             }
         }
         self.fresh.finish(json, buffers);
-        renumber(json);
+        let mut changes = Renumbering::default();
+        changes.remove_nulls(json);
+        changes.apply(json, losses);
     }
 }
 
