@@ -15,6 +15,7 @@ mod method_planar;
 mod methods;
 mod options;
 mod progressive;
+mod references;
 mod render;
 mod sandbox;
 mod scenes;

@@ -6,7 +6,7 @@ use lodsmith_io::gltf::Compression;
 use lodsmith_io::{Format, Textures};
 
 use super::entry::{FileKind, FileOption, OptionSection, file_options};
-use super::words::{flag, names, names_of, one_of, parsed, word};
+use super::words::{flag, names, output_format, output_names, parsed, word};
 use crate::destination::Up;
 use crate::lod::Naming;
 use crate::normals::Normals;
@@ -110,9 +110,9 @@ file_options! {
     "geomorph" (Flag) [Lod] Writing ""
         "Store the position of each vertex in the next coarser level: `_GEOMORPH` in GLB, `geomorph_x` and so on in PLY"
         |o, v| o.geomorph = flag(v)?;
-    "to" (Word(|| names_of(&Format::WRITTEN))) WRITE Writing "FORMAT"
+    "to" (Word(output_names)) WRITE Writing "FORMAT"
         "Format of the output [default: from its file name]"
-        |o, v| o.to = Some(one_of(v, &Format::WRITTEN)?);
+        |o, v| o.to = Some(output_format(v)?);
     "ascii" (Flag) WRITE Writing "" "Write text instead of binary (PLY, STL)" |o, v| o.writing.ascii = flag(v)?;
     "textures" (Word(names::<Textures>)) WRITE Writing "POLICY"
         "Copy material and image files to the folder of the output (OBJ, .gltf), link to them, or write none (OBJ)"

@@ -53,6 +53,22 @@ pub(super) fn one_of<T: Named>(name: &OsStr, values: &[T]) -> Result<T, String> 
     found.ok_or_else(|| format!("one of {} is expected", names_of(values).join(", ")))
 }
 
+/// Name of GLB files that are avatars.
+const VRM: &str = "vrm";
+
+/// Returns the names of the formats that can be written, and `vrm`, which is GLB.
+pub(super) fn output_names() -> Vec<&'static str> {
+    let mut names = names_of(&Format::WRITTEN);
+    names.push(VRM);
+    names
+}
+
+/// Returns the format to write that has this name.
+pub(super) fn output_format(name: &OsStr) -> Result<Format, String> {
+    let written = || Format::from_name(name.to_str()?).filter(|format| Format::WRITTEN.contains(format));
+    written().ok_or_else(|| format!("one of {} is expected", output_names().join(", ")))
+}
+
 /// Returns the value with this name.
 pub(super) fn word<T: Named>(name: &OsStr) -> Result<T, String> {
     one_of(name, T::ALL)
