@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt_of_bytes;
-use crate::numbers::{Decimal, parse_decimal, parse_integer};
+use crate::numbers::{Decimal, parse_decimal, parse_integer, parse_non_number};
 
 /// A cursor in a text.
 #[derive(Clone, Debug)]
@@ -136,6 +136,24 @@ impl<'a> Lines<'a> {
     #[inline]
     pub(crate) fn decimal(&mut self) -> Result<Decimal, ReadError> {
         match parse_decimal(self.remaining()) {
+            Some((number, length)) if is_blank(self.bytes.get(self.at + length)) => {
+                self.at += length;
+                Ok(number)
+            }
+            other => self.unusual_decimal(other),
+        }
+    }
+
+    /// Reads a number that a comment or a continuation follows directly, or the spelling of what is no number
+    /// (`-nan(ind)`, `1.#QNAN`).
+    #[cold]
+    fn unusual_decimal(&mut self, decimal: Option<(Decimal, usize)>) -> Result<Decimal, ReadError> {
+        let word = self.word();
+        if let Some(value) = parse_non_number(word) {
+            self.at += word.len();
+            return Ok(Decimal::non_number(value));
+        }
+        match decimal {
             Some((number, length)) if is_end_of_word(self.bytes.get(self.at + length)) => {
                 self.at += length;
                 Ok(number)
@@ -176,8 +194,13 @@ impl<'a> Lines<'a> {
 }
 
 #[inline]
+fn is_blank(byte: Option<&u8>) -> bool {
+    matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n'))
+}
+
+#[inline]
 fn is_end_of_word(byte: Option<&u8>) -> bool {
-    matches!(byte, None | Some(b' ' | b'\t' | b'\r' | b'\n' | b'#' | b'\\'))
+    is_blank(byte) || matches!(byte, Some(b'#' | b'\\'))
 }
 
 /// Converts text to the form that the text readers expect: UTF-8 without a byte order mark, lines that end in

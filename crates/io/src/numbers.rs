@@ -16,6 +16,11 @@ pub(crate) struct Decimal {
 }
 
 impl Decimal {
+    /// Creates a number that is not finite.
+    pub(crate) const fn non_number(value: f64) -> Self {
+        Self { value, mantissa: 0, written: 0, exponent: 0 }
+    }
+
     /// Returns true if single precision would lose digits of the file.
     ///
     /// That is the case if the nearest `f32`, printed with as many digits as the number has, is another
@@ -226,7 +231,22 @@ fn parse_special(bytes: &[u8]) -> Option<(Decimal, usize)> {
         .find(|(name, _)| begins(name))
         .map(|(name, value)| (value, name.len()))?;
     let value = if bytes[0] == b'-' { -value } else { value };
-    Some((Decimal { value, mantissa: 0, written: 0, exponent: 0 }, start + length))
+    Some((Decimal::non_number(value), start + length))
+}
+
+/// Returns the value of a word as the C library of Windows prints what is no number: `-nan(ind)`, `1.#QNAN`, `-1.#IND`,
+/// `1.#INF`; also `nan` and `inf`.
+#[cold]
+pub(crate) fn parse_non_number(word: &[u8]) -> Option<f64> {
+    let bare = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+    let begins = |name: &str| bare.get(..name.len()).is_some_and(|w| w.eq_ignore_ascii_case(name.as_bytes()));
+    if begins("1.#inf") || begins("inf") {
+        Some(if word[0] == b'-' { f64::NEG_INFINITY } else { f64::INFINITY })
+    } else if begins("1.#") || begins("nan") {
+        Some(f64::NAN)
+    } else {
+        None
+    }
 }
 
 /// Powers of ten that are exact in double precision.
@@ -458,6 +478,16 @@ mod tests {
         );
         assert_eq!(parse_integer(b"-"), None);
         assert_eq!(parse_integer(b"x"), None);
+    }
+
+    #[test]
+    fn what_is_no_number_is_read_in_every_spelling() {
+        for word in ["nan", "-nan(ind)", "-nan", "1.#QNAN", "-1.#IND", "1.#SNAN"] {
+            assert!(parse_non_number(word.as_bytes()).unwrap().is_nan(), "{word}");
+        }
+        assert_eq!(parse_non_number(b"-1.#INF"), Some(f64::NEG_INFINITY));
+        assert_eq!(parse_non_number(b"inf"), Some(f64::INFINITY));
+        assert_eq!([&b""[..], b"-", b"x", b"1.0#"].map(parse_non_number), [None; 4]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::header::{Element, PropertyType, Scalar};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
+use crate::numbers::parse_non_number;
 
 /// A reason why a number could not be read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -282,23 +283,9 @@ impl NumberSource for Text<'_> {
     }
 }
 
-/// Parses a number as C prints it, including the NaN and infinity spellings of old Windows libraries
-/// (`-1.#IND`).
+/// Parses a number as C prints it, including the spellings of what is no number.
 fn parse_number(word: &[u8]) -> Option<f64> {
-    let text = std::str::from_utf8(word).ok()?;
-    if let Ok(x) = text.parse() {
-        return Some(x);
-    }
-    let lower = text.to_ascii_lowercase();
-    let (sign, bare) = match lower.strip_prefix('-') {
-        Some(bare) => (-1.0, bare),
-        None => (1.0, lower.as_str()),
-    };
-    match bare {
-        _ if bare.starts_with("1.#inf") => Some(sign * f64::INFINITY),
-        _ if bare.starts_with("1.#") || bare.starts_with("nan") => Some(f64::NAN),
-        _ => None,
-    }
+    std::str::from_utf8(word).ok().and_then(|text| text.parse().ok()).or_else(|| parse_non_number(word))
 }
 
 #[cfg(test)]

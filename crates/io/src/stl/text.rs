@@ -3,6 +3,7 @@
 use super::soup::Soup;
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt_of_bytes;
+use crate::numbers::parse_non_number;
 
 /// Reads all solids of a text. Keywords may be in any case, normals may be missing.
 pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
@@ -12,7 +13,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
     // State: inside a solid, inside a loop.
     let (mut solid_open, mut loop_open) = (false, false);
     while let Some(word) = words.next() {
-        match Keyword::of(word) {
+        let keyword = match Keyword::of(word) {
+            Some(Keyword::End) => Some(words.end_of()),
+            other => other,
+        };
+        match keyword {
             Some(Keyword::Solid) => {
                 words.skip_line();
                 soup.solids += 1;
@@ -23,10 +28,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                 solid_open = false;
             }
             Some(Keyword::Normal) => {
-                // Zero to three numbers, which are ignored: the positions define the normal.
+                // Zero to three words, which are ignored: the positions define the normal, and programs write what is
+                // no number for facets without area.
                 for _ in 0..3 {
                     let before = words.at;
-                    if words.next().is_none_or(|w| number(w).is_none()) {
+                    if words.next().is_none_or(|w| Keyword::of(w).is_some()) {
                         words.at = before;
                         break;
                     }
@@ -61,7 +67,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
                 facet.clear();
                 loop_open = false;
             }
-            Some(Keyword::Other) => {}
+            Some(Keyword::Facet | Keyword::Loop | Keyword::End | Keyword::Other) => {}
             None => {
                 return Err(words.error(format!("`{}` is not an STL keyword", excerpt_of_bytes(word))));
             }
@@ -80,10 +86,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<Soup, ReadError> {
 enum Keyword {
     Solid,
     EndSolid,
+    Facet,
     Normal,
     Outer,
+    Loop,
     Vertex,
     EndLoop,
+    /// The first half of `end loop`, `end facet` and `end solid`.
+    End,
     /// Keywords without effect.
     Other,
 }
@@ -91,15 +101,15 @@ enum Keyword {
 impl Keyword {
     const NAMES: [(&'static str, Self); 10] = [
         ("vertex", Self::Vertex),
-        ("facet", Self::Other),
+        ("facet", Self::Facet),
         ("normal", Self::Normal),
         ("outer", Self::Outer),
-        ("loop", Self::Other),
+        ("loop", Self::Loop),
         ("endloop", Self::EndLoop),
         ("endfacet", Self::Other),
         ("solid", Self::Solid),
         ("endsolid", Self::EndSolid),
-        ("end", Self::Other),
+        ("end", Self::End),
     ];
 
     fn of(word: &[u8]) -> Option<Self> {
@@ -109,7 +119,8 @@ impl Keyword {
 }
 
 fn number(word: &[u8]) -> Option<f32> {
-    std::str::from_utf8(word).ok()?.parse().ok()
+    let plain = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+    plain.or_else(|| parse_non_number(word).map(|x| x as f32))
 }
 
 /// An iterator over words separated by blanks, which tracks its position.
@@ -127,6 +138,22 @@ impl<'a> Words<'a> {
         let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         self.at += from + length;
         Some(&rest[..length])
+    }
+
+    /// Returns what ends after a word `end`; takes the next word with it if it is on the same line.
+    #[cold]
+    fn end_of(&mut self) -> Keyword {
+        let before = self.at;
+        let next = self.next().filter(|_| !self.bytes[before..self.at].contains(&b'\n'));
+        match next.and_then(Keyword::of) {
+            Some(Keyword::Solid) => Keyword::EndSolid,
+            Some(Keyword::Facet) => Keyword::Other,
+            Some(Keyword::Loop) => Keyword::EndLoop,
+            _ => {
+                self.at = before;
+                Keyword::Other
+            }
+        }
     }
 
     fn skip_line(&mut self) {
@@ -158,6 +185,30 @@ mod tests {
         let got = read(text.as_bytes()).unwrap();
         assert_eq!((got.solids, got.triangles.len(), got.warnings.len()), (2, 3, 0));
         assert_eq!(got.corners.into_keys().len(), 4);
+    }
+
+    #[test]
+    fn ends_may_be_two_words_and_normals_no_numbers() {
+        let facet = |normal: &str| {
+            format!(
+                "facet normal {normal}\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nend loop\nend facet\n"
+            )
+        };
+        for normal in
+            ["-nan(ind) -nan(ind) -nan(ind)", "1.#QNAN 1.#QNAN 1.#QNAN", "-1.#IND 0 0", "0,5 0 1", "nan"]
+        {
+            let text = format!(
+                "solid a\n{}{}end solid a facet\nsolid b\n{0}end solid",
+                facet(normal),
+                facet("0 0 1")
+            );
+            let got = read(text.as_bytes()).unwrap();
+            assert_eq!((got.solids, got.triangles.len(), got.warnings.len()), (2, 3, 0), "{normal}");
+        }
+        assert_eq!(
+            faces("solid\nfacet normal x y z hello"),
+            Err("line 2: `hello` is not an STL keyword".into())
+        );
     }
 
     #[test]
