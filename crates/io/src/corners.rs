@@ -71,8 +71,8 @@ impl<M> CornerMesh<M> {
             name: self.name.clone(),
             positions: all(POSITION),
             normals: (has(NORMAL) && !lost_normals).then(|| all(NORMAL)),
-            uvs: (FIRST_UV..KINDS)
-                .take_while(|&kind| has(kind))
+            // Later sets keep their numbers where an earlier one is missing.
+            uvs: (FIRST_UV..(FIRST_UV..KINDS).rfind(|&kind| has(kind)).map_or(FIRST_UV, |last| last + 1))
                 .map(|kind| keys.iter().map(|key| uv(kind, key)).collect())
                 .collect(),
             colors: has(COLOR).then(|| keys.iter().map(|key| linear(value(COLOR, key))).collect()),

@@ -27,6 +27,7 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
 
 /// Returns a COLLADA file as a scene.
 pub(crate) fn scene(bytes: &[u8], options: &ReadOptions) -> Result<BuiltScene, ReadError> {
-    let text = utf8_of(bytes);
-    nodes::build(document::text_of(&text)?, options)
+    let utf8 = utf8_of(bytes);
+    let (text, warning) = document::text_of(&utf8)?;
+    nodes::build(&text, warning, options)
 }

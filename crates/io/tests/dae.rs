@@ -177,6 +177,64 @@ fn faults_are_named() {
     assert!(error(&document("", "", &polylist(), cycle)).contains("contains itself"));
 }
 
+/// A reference to something that is missing costs what refers to it, not the file.
+#[test]
+fn dangling_references_leave_the_rest() {
+    let good = r##"<node><instance_geometry url="#g"/></node>"##;
+    let bound = |target: &str| {
+        format!(
+            r##"<node><instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="m" target="{target}"/></technique_common></bind_material></instance_geometry></node>"##
+        )
+    };
+    let library = r##"<library_materials><material id="mat"><instance_effect url="#none"/></material></library_materials>
+        <library_controllers><controller id="c"><skin source="#none"/></controller></library_controllers>"##;
+    let node = |inner: &str| format!("{good}<node>{inner}</node>");
+    let cases = [
+        (bound("#none"), "there is no material `#none`: its faces get no material"),
+        (bound("#mat"), "there is no effect `#none`: the material is plain"),
+        (node(r##"<instance_geometry url="#none"/>"##), "there is no geometry `#none`: left out"),
+        (node(r##"<instance_geometry url="far.dae#g"/>"##), "`far.dae#g` is in another file"),
+        (node(r##"<instance_node url="#none"/>"##), "there is no node `#none`: left out"),
+        (node(r##"<instance_controller url="#none"/>"##), "there is no controller `#none`: left out"),
+        (node(r##"<instance_controller url="#c"/>"##), "there is no geometry `#none`: left out"),
+        (
+            node(r##"<instance_node url="#a"/><instance_node url="#b"/>"##),
+            "there is no node `#a` (2 such references in all): left out",
+        ),
+    ];
+    for (nodes, warning) in cases {
+        let loaded = read(&document("", library, &polylist(), &nodes)).unwrap();
+        assert_eq!(loaded.mesh.face_count(), 2, "{nodes}");
+        let found = loaded.warnings.iter().find(|w| w.text.contains(warning));
+        assert!(found.is_some_and(|w| w.data_lost && w.text.contains("line ")), "{:?}", loaded.warnings);
+    }
+    let no_normals = square(&polylist())
+        .replace(r##"semantic="NORMAL" source="#n""##, r##"semantic="NORMAL" source="#x""##);
+    let loaded = read(&no_normals).unwrap();
+    assert!(loaded.mesh.normals().is_none() && loaded.mesh.uvs().is_some());
+    assert!(loaded.warnings.iter().any(|w| w.text.contains("there is no source `#x`")));
+    let no_scene = square(&polylist())
+        .replace(r##"<instance_visual_scene url="#s"/>"##, r##"<instance_visual_scene url="#x"/>"##);
+    assert_eq!(read(&no_scene).unwrap().mesh.face_count(), 2);
+}
+
+#[test]
+fn the_declared_encoding_is_read() {
+    let read = |encoding: &str| {
+        let declaration = format!(r#"<?xml version="1.0" encoding='{encoding}'?>"#);
+        let text = square(&polylist()).replacen(r#"<?xml version="1.0"?>"#, &declaration, 1);
+        let (before, after) = text.split_once("square").unwrap();
+        let bytes = [before.as_bytes(), b"caf\xe9 \x93", after.as_bytes()].concat();
+        read_scene_bytes(&bytes, &ReadOptions::default())
+    };
+    for (encoding, is_known) in [("ISO-8859-1", true), ("windows-1252", true), ("gb2312", false)] {
+        let scene = read(encoding).unwrap().unwrap();
+        assert_eq!(scene.meshes()[0].name, "café “", "{encoding}");
+        assert_eq!(scene.warnings().iter().any(|w| w.data_lost && w.text.contains(encoding)), !is_known);
+    }
+    assert!(read("UTF-8").unwrap_err().to_string().contains("not UTF-8"));
+}
+
 #[test]
 fn document_types_are_refused() {
     let entities =

@@ -1,13 +1,14 @@
 //! The XML tree, and access to its elements.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::error::ReadError;
+use crate::error::{ReadError, Warning};
 use crate::excerpt::{excerpt, excerpt_of_bytes};
 use crate::limits::Limits;
-use crate::numbers::parse_decimal;
+use crate::numbers::{parse_decimal, parse_non_number};
 
 /// An element.
 pub(super) type DaeElement<'a> = Node<'a, 'a>;
@@ -15,11 +16,52 @@ pub(super) type DaeElement<'a> = Node<'a, 'a>;
 /// Bytes of memory of a node of the tree, with its attributes. (Measured: 72, and 48 for each attribute.)
 const BYTES_PER_NODE: u64 = 256;
 
-/// Returns the bytes as text, which they must be.
-pub(super) fn text_of(bytes: &[u8]) -> Result<&str, ReadError> {
-    str::from_utf8(bytes).map_err(|e| {
-        ReadError::byte(e.valid_up_to(), "the text is not UTF-8: save the file with that encoding")
-    })
+/// Returns the bytes as text, in the encoding that the XML declares; UTF-8 if it declares none.
+///
+/// Of encodings other than UTF-8 and Latin-1 only ASCII is read, which is all but names: each of their other bytes
+/// becomes one character, so that names stay distinct, with a warning.
+pub(super) fn text_of(bytes: &[u8]) -> Result<(Cow<'_, str>, Option<Warning>), ReadError> {
+    let encoding = match str::from_utf8(bytes) {
+        Ok(text) => return Ok((Cow::Borrowed(text), None)),
+        Err(e) => declared_encoding(bytes).ok_or_else(|| {
+            ReadError::byte(e.valid_up_to(), "the text is not UTF-8: save the file with that encoding")
+        })?,
+    };
+    let text = bytes.iter().map(|&byte| windows_1252(byte)).collect();
+    let is_known = ["iso-8859-1", "iso8859-1", "iso_8859-1", "latin1", "windows-1252", "cp1252", "us-ascii"]
+        .iter()
+        .any(|name| encoding.eq_ignore_ascii_case(name));
+    let warning = (!is_known).then(|| {
+        Warning::lost(format!(
+            "the encoding `{}` is not known: letters of names beyond ASCII are wrong; save the file as UTF-8",
+            excerpt(encoding)
+        ))
+    });
+    Ok((Cow::Owned(text), warning))
+}
+
+/// Returns the encoding that an XML declaration names, if it is not UTF-8.
+fn declared_encoding(bytes: &[u8]) -> Option<&str> {
+    // A declaration is the first thing in a file, and short.
+    let end = memchr::memmem::find(&bytes[..bytes.len().min(256)], b"?>")?;
+    let declaration = str::from_utf8(&bytes[..end]).ok()?.strip_prefix("<?xml")?;
+    let value = declaration.split_once("encoding")?.1.trim_start().strip_prefix('=')?.trim_start();
+    let quote = value.chars().next().filter(|c| matches!(c, '"' | '\''))?;
+    let name = value[1..].split_once(quote)?.0.trim();
+    (!name.eq_ignore_ascii_case("utf-8") && !name.eq_ignore_ascii_case("utf8")).then_some(name)
+}
+
+/// Returns the character of a byte in Windows-1252, which browsers read for Latin-1 too. Its five bytes without a
+/// character are control characters, as in Latin-1.
+fn windows_1252(byte: u8) -> char {
+    const FROM_0X80: [char; 32] = [
+        '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8d}', 'Ž', '\u{8f}',
+        '\u{90}', '‘', '’', '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9d}', 'ž', 'Ÿ',
+    ];
+    match byte {
+        0x80..=0x9f => FROM_0X80[usize::from(byte - 0x80)],
+        other => char::from(other),
+    }
 }
 
 /// Parses a text. There may be no document type, so no entity but the five of XML is ever expanded.
@@ -41,37 +83,36 @@ pub(super) fn parse(text: &str, limits: Limits) -> Result<Document<'_>, ReadErro
     })
 }
 
-/// Elements by their ids.
-pub(super) struct Ids<'a>(HashMap<&'a str, DaeElement<'a>>);
+/// Elements by their ids, and the references to elements that are missing.
+pub(super) struct Ids<'a> {
+    elements: HashMap<&'a str, DaeElement<'a>>,
+    /// By the tag of what is missing: the first error, and the number of references.
+    dangling: Vec<(&'static str, ReadError, usize)>,
+}
 
 impl<'a> Ids<'a> {
     pub(super) fn new(document: &'a Document<'a>) -> Self {
-        let mut ids = HashMap::new();
+        let mut elements = HashMap::new();
         for element in document.descendants().filter(Node::is_element) {
             if let Some(id) = element.attribute("id") {
-                ids.entry(id).or_insert(element);
+                elements.entry(id).or_insert(element);
             }
         }
-        Self(ids)
+        Self { elements, dangling: Vec::new() }
     }
 
     /// Returns the element with the id of a reference (`#id`).
     pub(super) fn find(&self, reference: &str) -> Option<DaeElement<'a>> {
-        self.0.get(reference.strip_prefix('#')?).copied()
+        self.elements.get(reference.strip_prefix('#')?).copied()
     }
 
     /// Returns the element with an id.
     pub(super) fn get(&self, id: &str) -> Option<DaeElement<'a>> {
-        self.0.get(id).copied()
+        self.elements.get(id).copied()
     }
 
     /// Returns the element that an attribute of an element refers to, if it has this tag.
-    pub(super) fn target(
-        &self,
-        from: DaeElement<'a>,
-        attribute: &str,
-        tag: &str,
-    ) -> Result<DaeElement<'a>, ReadError> {
+    fn target(&self, from: DaeElement<'a>, attribute: &str, tag: &str) -> Result<DaeElement<'a>, ReadError> {
         let reference = from.attribute(attribute).unwrap_or_default();
         let found = self.find(reference).filter(|e| e.tag_name().name() == tag);
         found.ok_or_else(|| {
@@ -82,6 +123,49 @@ impl<'a> Ids<'a> {
             };
             error(from, problem)
         })
+    }
+
+    /// Returns the element that an attribute refers to, like [`Ids::target`]; if it is missing, that is noted, and the
+    /// caller goes on without it.
+    pub(super) fn target_or_note(
+        &mut self,
+        from: DaeElement<'a>,
+        attribute: &str,
+        tag: &'static str,
+    ) -> Option<DaeElement<'a>> {
+        match self.target(from, attribute, tag) {
+            Ok(found) => Some(found),
+            Err(error) => {
+                match self.dangling.iter_mut().find(|(of, ..)| *of == tag) {
+                    Some((_, _, count)) => *count += 1,
+                    None => self.dangling.push((tag, error, 1)),
+                }
+                None
+            }
+        }
+    }
+
+    /// Returns a warning for each kind of element that is missing, with the first reference to one. If nothing else is
+    /// in the file, the first is an error.
+    pub(super) fn dangling(&mut self, is_empty: bool) -> Result<Vec<Warning>, ReadError> {
+        let mut all = std::mem::take(&mut self.dangling);
+        if is_empty && !all.is_empty() {
+            return Err(all.swap_remove(0).1);
+        }
+        let warning = |(tag, error, count): (&str, ReadError, usize)| {
+            let more = match count {
+                1 => String::new(),
+                _ => format!(" ({count} such references in all)"),
+            };
+            let lost = match tag {
+                "material" => "its faces get no material",
+                "effect" => "the material is plain",
+                "visual_scene" => "the first scene is read",
+                _ => "left out",
+            };
+            Warning::lost(format!("{error}{more}: {lost}"))
+        };
+        Ok(all.into_iter().map(warning).collect())
     }
 }
 
@@ -120,12 +204,9 @@ pub(super) fn numbers(element: DaeElement<'_>) -> Result<Vec<f64>, ReadError> {
         for word in piece.text().unwrap_or_default().split_ascii_whitespace() {
             match parse_decimal(word.as_bytes()) {
                 Some((number, length)) if length == word.len() => numbers.push(number.value),
-                _ => {
-                    return Err(error(
-                        element,
-                        format!("`{}` is not a number", excerpt_of_bytes(word.as_bytes())),
-                    ));
-                }
+                _ => numbers.push(parse_non_number(word.as_bytes()).ok_or_else(|| {
+                    error(element, format!("`{}` is not a number", excerpt_of_bytes(word.as_bytes())))
+                })?),
             }
         }
     }

@@ -30,7 +30,7 @@ struct CornerInput {
 
 /// Reads the triangles and polygons of a geometry.
 pub(super) fn read<'a>(
-    ids: &Ids<'a>,
+    ids: &mut Ids<'a>,
     element: DaeElement<'a>,
     scene: &mut SceneBuilder,
 ) -> Result<Geometry, ReadError> {
@@ -46,7 +46,7 @@ pub(super) fn read<'a>(
     for primitive in mesh.children().filter(|c| c.is_element()) {
         match primitive.tag_name().name() {
             tag @ ("triangles" | "polylist" | "polygons" | "trifans" | "tristrips") => {
-                let inputs = inputs(ids, primitive, &mut pools, scene)?;
+                let Some(inputs) = inputs(ids, primitive, &mut pools, scene)? else { continue };
                 let polygons = polygons(primitive, tag, &inputs, scene)?;
                 let triangles = triangulated(primitive, &polygons, &pools)?;
                 let symbol = primitive.attribute("material").map(str::to_owned);
@@ -62,13 +62,14 @@ pub(super) fn read<'a>(
     Ok(geometry)
 }
 
-/// Returns the inputs of a primitive whose values are read; the inputs of its vertices have the same offset.
+/// Returns the inputs of a primitive whose values are read; the inputs of its vertices have the same offset. `None` if
+/// the file lacks its positions.
 fn inputs<'a>(
-    ids: &Ids<'a>,
+    ids: &mut Ids<'a>,
     primitive: DaeElement<'a>,
     values: &mut Pools,
     scene: &mut SceneBuilder,
-) -> Result<Vec<CornerInput>, ReadError> {
+) -> Result<Option<Vec<CornerInput>>, ReadError> {
     let mut all = Vec::new();
     let mut uv_sets: Vec<u32> = Vec::new();
     let mut found: Vec<(DaeElement<'a>, usize)> = Vec::new();
@@ -79,7 +80,7 @@ fn inputs<'a>(
             .filter(|&o| o < 256)
             .ok_or_else(|| error(input, "the offset is not a whole number below 256"))?;
         if input.attribute("semantic") == Some("VERTEX") {
-            let vertices = ids.target(input, "source", "vertices")?;
+            let Some(vertices) = ids.target_or_note(input, "source", "vertices") else { return Ok(None) };
             found.extend(children(vertices, "input").map(|i| (i, offset)));
         } else {
             found.push((input, offset));
@@ -113,31 +114,34 @@ fn inputs<'a>(
         if all.iter().any(|i: &CornerInput| i.kind == kind) {
             continue;
         }
-        let (start, count) = values.source(ids, input, kind)?;
-        all.push(CornerInput { offset, kind, start, count });
+        match values.source(ids, input, kind)? {
+            Some((start, count)) => all.push(CornerInput { offset, kind, start, count }),
+            None if kind == POSITION => return Ok(None),
+            None => all.push(CornerInput { offset, kind: KINDS, start: 0, count: NONE }),
+        }
     }
     if !all.iter().any(|i| i.kind == POSITION) {
         return Err(error(primitive, "it has no input with positions"));
     }
-    Ok(all)
+    Ok(Some(all))
 }
 
 impl Pools {
-    /// Adds the values that an input refers to; returns the first and their number.
+    /// Adds the values that an input refers to; returns the first and their number. `None` if the file lacks them.
     fn source<'a>(
         &mut self,
-        ids: &Ids<'a>,
+        ids: &mut Ids<'a>,
         input: DaeElement<'a>,
         kind: usize,
-    ) -> Result<(u32, u32), ReadError> {
-        let source = ids.target(input, "source", "source")?;
+    ) -> Result<Option<(u32, u32)>, ReadError> {
+        let Some(source) = ids.target_or_note(input, "source", "source") else { return Ok(None) };
         let key = (source.attribute("id").unwrap_or_default().to_owned(), kind);
         if let Some(&known) = self.starts.get(&key) {
-            return Ok(known);
+            return Ok(Some(known));
         }
         let accessor = descend(source, &["technique_common", "accessor"])
             .ok_or_else(|| error(source, "it has no accessor"))?;
-        let array = ids.target(accessor, "source", "float_array")?;
+        let Some(array) = ids.target_or_note(accessor, "source", "float_array") else { return Ok(None) };
         let numbers = numbers(array)?;
         let attribute = |name: &str, default: usize| match accessor.attribute(name) {
             None => Ok(default),
@@ -183,7 +187,7 @@ impl Pools {
             pool.push(value);
         }
         self.starts.insert(key, (start, count as u32));
-        Ok((start, count as u32))
+        Ok(Some((start, count as u32)))
     }
 }
 

@@ -21,27 +21,27 @@ impl<'a> DaeMaterials<'a> {
         Self { images, known: HashMap::new(), textures: HashMap::new() }
     }
 
-    /// Returns the material that an instance refers to.
+    /// Returns the material that an instance refers to; `None` if there is none.
     pub(super) fn of_instance(
         &mut self,
-        ids: &Ids<'a>,
+        ids: &mut Ids<'a>,
         instance: DaeElement<'a>,
         scene: &mut SceneBuilder,
-    ) -> Result<usize, ReadError> {
-        let material = ids.target(instance, "target", "material")?;
+    ) -> Result<Option<usize>, ReadError> {
+        let Some(material) = ids.target_or_note(instance, "target", "material") else { return Ok(None) };
         let id = material.attribute("id").unwrap_or_default();
         if let Some(&known) = self.known.get(id) {
-            return Ok(known);
+            return Ok(Some(known));
         }
         let made = self.material(ids, material, scene)?;
         let index = scene.add("materials", made);
         self.known.insert(id, index);
-        Ok(index)
+        Ok(Some(index))
     }
 
     fn material(
         &mut self,
-        ids: &Ids<'a>,
+        ids: &mut Ids<'a>,
         material: DaeElement<'a>,
         scene: &mut SceneBuilder,
     ) -> Result<Value, ReadError> {
@@ -50,7 +50,7 @@ impl<'a> DaeMaterials<'a> {
             made["name"] = name.into();
         }
         let Some(instance) = child(material, "instance_effect") else { return Ok(made) };
-        let effect = ids.target(instance, "url", "effect")?;
+        let Some(effect) = ids.target_or_note(instance, "url", "effect") else { return Ok(made) };
         let Some(profile) = child(effect, "profile_COMMON") else {
             scene.warn(Warning::lost("effects without a common profile are not read: materials are plain"));
             return Ok(made);

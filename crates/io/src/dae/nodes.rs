@@ -23,8 +23,12 @@ const MAX_DEPTH: usize = 256;
 /// Number of file bytes that allow one more node.
 const BYTES_PER_NODE: usize = 16;
 
-/// Builds the scene of a file.
-pub(super) fn build(text: &str, options: &ReadOptions) -> Result<BuiltScene, ReadError> {
+/// Builds the scene of a file; `warning` is about its text.
+pub(super) fn build(
+    text: &str,
+    warning: Option<Warning>,
+    options: &ReadOptions,
+) -> Result<BuiltScene, ReadError> {
     let document = parse(text, options.limits)?;
     let root = document.root_element();
     if root.tag_name().name() != "COLLADA" {
@@ -37,10 +41,9 @@ pub(super) fn build(text: &str, options: &ReadOptions) -> Result<BuiltScene, Rea
             "COLLADA {version} is not supported: only 1.4 and 1.5 are"
         )));
     }
-    let ids = Ids::new(&document);
     let images = BroughtImages::new(options.files(), options.limits);
     let mut builder = DaeScene {
-        ids: &ids,
+        ids: Ids::new(&document),
         scene: SceneBuilder::new(Format::Dae),
         materials: DaeMaterials::new(images),
         geometries: HashMap::new(),
@@ -49,15 +52,19 @@ pub(super) fn build(text: &str, options: &ReadOptions) -> Result<BuiltScene, Rea
         open: Vec::new(),
         nodes: ALWAYS_ALLOWED_NODES.saturating_add(text.len() / BYTES_PER_NODE).min(MAX_NODES),
     };
+    warning.into_iter().for_each(|w| builder.scene.warn(w));
     builder.warn_of_losses(root);
     let mut roots = builder.roots(root)?;
+    for warning in builder.ids.dangling(builder.meshes.values().all(Option::is_none))? {
+        builder.scene.warn(warning);
+    }
     roots.append(&mut builder.at_root);
     let roots = builder.in_gltf_axes(root, roots)?;
     Ok(builder.scene.finish(&roots))
 }
 
-struct DaeScene<'a, 'i> {
-    ids: &'i Ids<'a>,
+struct DaeScene<'a> {
+    ids: Ids<'a>,
     scene: SceneBuilder,
     materials: DaeMaterials<'a>,
     geometries: HashMap<&'a str, Geometry>,
@@ -71,7 +78,7 @@ struct DaeScene<'a, 'i> {
     nodes: usize,
 }
 
-impl<'a> DaeScene<'a, '_> {
+impl<'a> DaeScene<'a> {
     fn warn_of_losses(&mut self, root: DaeElement<'a>) {
         for (library, entry, what) in [
             ("library_animations", "animation", "animations"),
@@ -88,10 +95,8 @@ impl<'a> DaeScene<'a, '_> {
 
     fn roots(&mut self, root: DaeElement<'a>) -> Result<Vec<usize>, ReadError> {
         let shown = descend(root, &["scene", "instance_visual_scene"]);
-        let scene = match shown {
-            Some(instance) => Some(self.ids.target(instance, "url", "visual_scene")?),
-            None => descend(root, &["library_visual_scenes", "visual_scene"]),
-        };
+        let shown = shown.and_then(|instance| self.ids.target_or_note(instance, "url", "visual_scene"));
+        let scene = shown.or_else(|| descend(root, &["library_visual_scenes", "visual_scene"]));
         if let Some(scene) = scene {
             return children(scene, "node").map(|node| self.node(node)).collect();
         }
@@ -155,10 +160,15 @@ impl<'a> DaeScene<'a, '_> {
         for part in element.children().filter(Node::is_element) {
             match part.tag_name().name() {
                 "node" => child_nodes.push(self.node(part)?),
-                "instance_node" => child_nodes.push(self.node(self.ids.target(part, "url", "node")?)?),
+                "instance_node" => {
+                    if let Some(node) = self.ids.target_or_note(part, "url", "node") {
+                        child_nodes.push(self.node(node)?);
+                    }
+                }
                 "instance_geometry" => {
-                    let geometry = self.ids.target(part, "url", "geometry")?;
-                    meshes.extend(self.mesh(geometry, Some(part))?);
+                    if let Some(geometry) = self.ids.target_or_note(part, "url", "geometry") {
+                        meshes.extend(self.mesh(geometry, Some(part))?);
+                    }
                 }
                 "instance_controller" => meshes.extend(self.controller(part)?),
                 _ => {}
@@ -190,7 +200,9 @@ impl<'a> DaeScene<'a, '_> {
 
     /// Returns the mesh of a controller without its skin or shapes, if the node of the instance places it.
     fn controller(&mut self, instance: DaeElement<'a>) -> Result<Option<usize>, ReadError> {
-        let mut controller = self.ids.target(instance, "url", "controller")?;
+        let Some(mut controller) = self.ids.target_or_note(instance, "url", "controller") else {
+            return Ok(None);
+        };
         let mut bind = None;
         // A skin may be over shapes, and these over a geometry.
         for _ in 0..8 {
@@ -205,11 +217,11 @@ impl<'a> DaeScene<'a, '_> {
                 bind = Some(matrix.and_then(|m| Some(rows(m.first_chunk()?))).unwrap_or(DMat4::IDENTITY));
             }
             let source = kind.attribute("source").and_then(|s| self.ids.find(s));
-            let source = source.ok_or_else(|| error(kind, "its source is not in the file"))?;
-            if source.tag_name().name() != "geometry" {
-                controller = source;
+            if let Some(over) = source.filter(|s| s.tag_name().name() == "controller") {
+                controller = over;
                 continue;
             }
+            let Some(source) = self.ids.target_or_note(kind, "source", "geometry") else { return Ok(None) };
             let mesh = self.mesh(source, Some(instance))?;
             let (Some(mesh), Some(bind)) = (mesh, bind) else { return Ok(mesh) };
             // A skinned mesh is placed by its joints; in the bind pose that is at the root.
@@ -232,7 +244,7 @@ impl<'a> DaeScene<'a, '_> {
     ) -> Result<Option<usize>, ReadError> {
         let id = element.attribute("id").unwrap_or_default();
         if !self.geometries.contains_key(id) {
-            let read = geometry::read(self.ids, element, &mut self.scene)?;
+            let read = geometry::read(&mut self.ids, element, &mut self.scene)?;
             self.geometries.insert(id, read);
         }
         let geometry = &self.geometries[id];
@@ -242,8 +254,10 @@ impl<'a> DaeScene<'a, '_> {
         let mut bound = HashMap::new();
         let technique = instance.and_then(|i| descend(i, &["bind_material", "technique_common"]));
         for binding in technique.into_iter().flat_map(|t| children(t, "instance_material")) {
-            let material = self.materials.of_instance(self.ids, binding, &mut self.scene)?;
-            bound.insert(binding.attribute("symbol").unwrap_or_default(), material);
+            let material = self.materials.of_instance(&mut self.ids, binding, &mut self.scene)?;
+            if let Some(material) = material {
+                bound.insert(binding.attribute("symbol").unwrap_or_default(), material);
+            }
         }
         let bound_to = |symbol: &Option<String>| bound.get(symbol.as_deref()?).copied();
         let key = (id, geometry.primitives.iter().map(|(symbol, _)| bound_to(symbol)).collect::<Vec<_>>());
