@@ -59,7 +59,11 @@ fn files_of_several_sections_are_read_as_one() {
     let more = read(&format!("{text}\nf -1 -2 -3 -4\n"), 3).unwrap();
     assert_eq!((more.mesh.face_count(), more.contents.polygons), (count, count - 1));
     let strange = read(&format!("{text}\nhello\n"), 3).unwrap();
-    assert!(strange.warnings[0].text.contains(&format!("`hello` in line {line}")), "{:?}", strange.warnings);
+    assert!(strange.warnings[0].text.contains(&format!("line {line} begins with")), "{:?}", strange.warnings);
+    // Which corners refer to nothing is known only once all sections are read.
+    let missing = read(&format!("{text}\nf 1/1 2/1 3/1\n"), 3).unwrap();
+    let said = format!("line {line}: the face refers to texture coordinate 1, but the file has 0");
+    assert!(missing.warnings[0].text.starts_with(&said), "{:?}", missing.warnings);
 }
 
 #[test]

@@ -31,7 +31,7 @@ use notes::ObjNotes;
 ///
 /// # Errors
 /// [`ReadError::Malformed`] with the line: a word that is not a number, a position with fewer than three
-/// coordinates, an index that is 0 or out of range. [`ReadError::Mesh`] if the mesh is too large for 32-bit
+/// coordinates, an index of a position that is 0 or out of range. [`ReadError::Mesh`] if the mesh is too large for 32-bit
 /// ids.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -43,11 +43,22 @@ pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<Loaded, ReadError> {
     if section.wants_precision {
         section = sections_or_whole(true)?;
     }
-    if !section.indices_in_range() {
-        let named = Section::read(bytes, section.counts(), true, true).err();
-        return Err(
-            named.unwrap_or_else(|| ReadError::file("a face refers to an element that does not exist"))
-        );
+    let counts = section.counts();
+    // The same error again, with its line.
+    let first_error = |kind: usize| {
+        let mut tested = UNKNOWN_COUNTS;
+        tested[kind] = counts[kind];
+        let named = Section::read(bytes, tested, true, true).err();
+        named.unwrap_or_else(|| ReadError::file("a face refers to an element that does not exist"))
+    };
+    if !section.in_range(0) {
+        return Err(first_error(0));
+    }
+    for kind in (1..3).filter(|&kind| !section.in_range(kind)).collect::<Vec<_>>() {
+        let corners = section.leave_out_missing(kind);
+        if corners > 0 {
+            section.notes.missing.push((first_error(kind).to_string(), corners));
+        }
     }
     section.finish(options)
 }
@@ -81,6 +92,9 @@ fn sections(bytes: &[u8], count: usize) -> Vec<&[u8]> {
 
 /// Limits on position, texture coordinate and normal indices while the counts are unknown.
 pub(super) const UNKNOWN_COUNTS: [usize; 3] = [NONE as usize; 3];
+
+/// An index of a texture coordinate or a normal that cannot exist.
+const MISSING: u32 = NONE - 1;
 
 /// The three kinds of indices of a corner, in this order.
 const INDEX_KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
@@ -177,23 +191,23 @@ impl Section {
         while !lines.at_end() {
             lines.skip_blanks();
             match lines.remaining() {
-                [b'v', b' ' | b'\t', ..] => {
+                [b'v', b' ' | b'\t' | b'\r' | b'\n', ..] | [b'v'] => {
                     lines.skip_bytes(1);
                     section.vertex(&mut lines)?;
                     lines.next_line();
                 }
-                [b'f', b' ' | b'\t', ..] => {
+                [b'f', b' ' | b'\t' | b'\r' | b'\n', ..] | [b'f'] => {
                     lines.skip_bytes(1);
                     section.face(&mut lines, counts, &mut lengths, &mut corners)?;
                     lines.next_line();
                 }
-                [b'v', b'n', b' ' | b'\t', ..] => {
+                [b'v', b'n', b' ' | b'\t' | b'\r' | b'\n', ..] | [b'v', b'n'] => {
                     lines.skip_bytes(2);
                     let normal = coordinates::<3>(&mut lines, 3, "a normal")?;
                     section.normals.push(normal.map(|c| c as f32));
                     lines.next_line();
                 }
-                [b'v', b't', b' ' | b'\t', ..] => {
+                [b'v', b't', b' ' | b'\t' | b'\r' | b'\n', ..] | [b'v', b't'] => {
                     lines.skip_bytes(2);
                     let uv = coordinates::<2>(&mut lines, 1, "a texture coordinate")?;
                     section.uvs.push(uv.map(|c| c as f32));
@@ -432,6 +446,10 @@ impl Section {
             return Err(lines.error("an index that counts backwards needs the whole file"));
         }
         if number == 0 || index as u64 >= counts[kind] as u64 {
+            // Texture coordinates and normals can be left out, once all are counted.
+            if kind > 0 && counts[kind] == UNKNOWN_COUNTS[kind] {
+                return Ok(MISSING);
+            }
             return Err(bad_index(lines, number, kind, have, counts));
         }
         Ok(index as u32)
@@ -468,7 +486,32 @@ impl Section {
 
     /// Returns true if every index is in range.
     pub(super) fn indices_in_range(&self) -> bool {
-        (0..3).all(|kind| self.ends[kind] as usize <= self.counts()[kind])
+        (0..3).all(|kind| self.in_range(kind))
+    }
+
+    /// Returns true if every index of a kind is in range.
+    fn in_range(&self, kind: usize) -> bool {
+        self.ends[kind] as usize <= self.counts()[kind]
+    }
+
+    /// Leaves out the indices of a kind that are out of range; returns the number of corners.
+    #[cold]
+    fn leave_out_missing(&mut self, kind: usize) -> usize {
+        let count = self.counts()[kind];
+        self.make_own_buffer(kind);
+        let mut corners = 0;
+        let in_triangles = self.triangles[kind].as_flattened_mut().iter_mut();
+        let in_polygons = self.polygon_corners.iter_mut().map(|corner| &mut corner[kind]);
+        for index in in_triangles.chain(in_polygons) {
+            if *index != NONE && *index as usize >= count {
+                *index = NONE;
+                corners += 1;
+            }
+        }
+        if self.triangles[kind].as_flattened().iter().all(|&index| index == NONE) {
+            (self.triangles[kind], self.storage[kind]) = (Vec::new(), Storage::Absent);
+        }
+        corners
     }
 }
 
@@ -547,7 +590,7 @@ mod tests {
         let got = read_text(&format!("{SQUARE}f 1 2 3\nf 1 2 3 4\nf 1 2\nf 3 4 1\n")).unwrap();
         assert_eq!(triangles(&got), [[0, 1, 2], [0, 1, 2], [0, 2, 3], [2, 3, 0]]);
         assert_eq!(got.contents.polygons, 3);
-        assert_eq!(got.warnings[0].text, "1 faces of fewer than three corners: dropped");
+        assert_eq!(got.warnings[0].text, "1 face of fewer than three corners: dropped");
     }
 
     #[test]
@@ -569,6 +612,34 @@ mod tests {
         assert_eq!(got.mesh.normals().unwrap()[3], [0.0, 0.0, 1.0]);
         assert_eq!(got.warnings[0].text, "3 corners without a normal: filled with zeros");
         assert_eq!(got.contents.attributes, ["normals"]);
+    }
+
+    #[test]
+    fn attributes_that_are_missing_are_left_out() {
+        let faces = "f 1/1/1 2/2/1 3/3/1\nf 1/1/1 3/3/1 4/4/1\n";
+        let lost = |loaded: &Loaded| {
+            loaded.warnings.iter().filter(|w| w.data_lost).map(|w| w.text.clone()).collect::<Vec<_>>()
+        };
+        // None at all: the indices of all kinds are those of the positions, or a polygon has them alone.
+        let got = read_text(&format!("{SQUARE}f 1/1/1 2/2/2 3/3/3\nf 1/1/1 2/2/2 3/3/3 4/4/4\n")).unwrap();
+        assert!(got.mesh.uvs().is_none() && got.mesh.normals().is_none() && got.mesh.face_count() == 3);
+        assert_eq!(
+            lost(&got),
+            [
+                "line 5: the face refers to texture coordinate 1, but the file has 0 (7 corners refer to such ones): left out",
+                "line 5: the face refers to normal 1, but the file has 0 (7 corners refer to such ones): left out",
+            ]
+        );
+        // Some, and indices that count backwards or are 0.
+        let got = read_text(&format!("{SQUARE}vt 0 1\nvn 0 0 1\n{faces}f 1/1 2/-2 3/0\n")).unwrap();
+        assert_eq!(got.mesh.normals().unwrap()[0], [0.0, 0.0, 1.0]);
+        assert_eq!(got.mesh.uvs().unwrap()[0], [0.0, 1.0]);
+        assert_eq!(
+            lost(&got),
+            [
+                "line 7: the face refers to texture coordinate 2, but the file has 1 (6 corners refer to such ones): left out"
+            ]
+        );
     }
 
     #[test]
@@ -641,8 +712,8 @@ mod tests {
         assert_eq!(
             texts,
             [
-                "1 elements of lines or points: dropped",
-                "1 lines begin with an unknown keyword, such as `hello` in line 12: skipped",
+                "1 element of lines or points: dropped",
+                "line 12 begins with the unknown keyword `hello`: skipped",
             ]
         );
         assert!(got.warnings[0].data_lost);

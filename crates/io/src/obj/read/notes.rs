@@ -1,5 +1,7 @@
 //! Counts of the contents of an OBJ file besides the mesh, for warnings.
 
+use lodsmith_core::numbers::{counted, grouped};
+
 use crate::error::Warning;
 use crate::excerpt::excerpt_of_bytes;
 
@@ -11,6 +13,8 @@ pub(super) struct ObjNotes {
     pub(super) small_faces: usize,
     pub(super) lines_and_points: usize,
     pub(super) free_forms: usize,
+    /// Texture coordinates and normals that faces refer to but the file lacks: the first error, and the number of corners.
+    pub(super) missing: Vec<(String, usize)>,
     /// Lines that begin with an unknown word: their number, the line of the first one, and its word.
     pub(super) unknown_lines: Option<(usize, usize, Vec<u8>)>,
 }
@@ -32,27 +36,31 @@ impl ObjNotes {
 
     pub(super) fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
+        for (error, corners) in &self.missing {
+            let text =
+                format!("{error} ({} refer to such ones): left out", counted(*corners, "corner", "corners"));
+            warnings.push(Warning::lost(text));
+        }
         if self.lines_and_points > 0 {
-            warnings.push(Warning::lost(format!(
-                "{} elements of lines or points: dropped",
-                self.lines_and_points
-            )));
+            let count = counted(self.lines_and_points, "element", "elements");
+            warnings.push(Warning::lost(format!("{count} of lines or points: dropped")));
         }
         if self.free_forms > 0 {
             warnings.push(Warning::lost("free-form curves and surfaces: dropped"));
         }
         if self.small_faces > 0 {
-            warnings.push(Warning::note(format!(
-                "{} faces of fewer than three corners: dropped",
-                self.small_faces
-            )));
+            let count = counted(self.small_faces, "face", "faces");
+            warnings.push(Warning::note(format!("{count} of fewer than three corners: dropped")));
         }
         if let Some((count, line, word)) = &self.unknown_lines {
-            let text = format!(
-                "{count} lines begin with an unknown keyword, such as `{}` in line {line}",
-                excerpt_of_bytes(word)
-            );
-            warnings.push(Warning::note(text + ": skipped"));
+            let word = excerpt_of_bytes(word);
+            warnings.push(Warning::note(match count {
+                1 => format!("line {line} begins with the unknown keyword `{word}`: skipped"),
+                _ => format!(
+                    "{} lines begin with an unknown keyword, such as `{word}` in line {line}: skipped",
+                    grouped(*count)
+                ),
+            }));
         }
         warnings
     }
