@@ -411,6 +411,19 @@ fn placed_3000_times(count: u32) -> String {
 }
 
 #[test]
+fn json_may_be_padded_with_zeros() {
+    let (mut json, bin) = triangle();
+    // A length that needs padding, whatever the rest of the text is.
+    for extra in ["", "a", "ab", "abc"] {
+        json["asset"]["extras"] = extra.into();
+        let mut bytes = glb(&json, &bin);
+        let end = 20 + u32::from_le_bytes(*bytes[12..].first_chunk().unwrap()) as usize;
+        bytes[20..end].iter_mut().rev().take_while(|b| **b == b' ').for_each(|b| *b = 0);
+        assert_eq!(gltf::read(&bytes, &ReadOptions::default()).unwrap().mesh.face_count(), 1, "{extra}");
+    }
+}
+
+#[test]
 fn glb_containers_that_are_wrong() {
     let (json, bin) = triangle();
     let good = glb(&json, &bin);

@@ -70,6 +70,8 @@ impl<'a> Document<'a> {
         let is_glb = bytes.starts_with(b"glTF");
         let (text, bin) = if is_glb { chunks(bytes)? } else { (bytes, None) };
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+        // Some programs pad the chunk with zeros in place of blanks.
+        let text = &text[..text.iter().rposition(|&b| b != 0).map_or(0, |last| last + 1)];
         if !text.trim_ascii_start().starts_with(b"{") {
             let what = if is_glb {
                 "the JSON chunk is not a JSON object"
