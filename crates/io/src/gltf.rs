@@ -45,6 +45,8 @@ mod skins;
 mod slot;
 mod survey;
 mod unpack;
+mod unplaced_textures;
+mod unused_materials;
 mod vrm;
 mod write;
 

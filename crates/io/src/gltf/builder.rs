@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 use super::container::FileParts;
 #[cfg(feature = "fbx")]
 use super::container::list;
+use super::unplaced_textures;
 #[cfg(feature = "fbx")]
 use super::write::NO_TARGET;
 use super::write::{F32, GltfBuilder, U8, U16, VERTEX_TARGET};
@@ -209,11 +210,14 @@ impl SceneBuilder {
     pub(crate) fn finish(mut self, roots: &[usize]) -> BuiltScene {
         self.json["scene"] = 0.into();
         self.json["scenes"] = if roots.is_empty() { json!([{}]) } else { json!([{ "nodes": roots }]) };
-        let GltfBuilder { bytes, views, accessors, .. } = self.file;
+        let GltfBuilder { bytes, views, accessors, .. } = std::mem::take(&mut self.file);
         if !bytes.is_empty() {
             self.json["buffers"] = json!([{ "byteLength": bytes.len() }]);
             self.json["bufferViews"] = views.into();
             self.json["accessors"] = accessors.into();
+        }
+        for warning in unplaced_textures::leave_out(&mut self.json) {
+            self.warn(warning);
         }
         let Self { json, source_vertices, warnings, format, .. } = self;
         BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices }
