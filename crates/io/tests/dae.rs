@@ -140,6 +140,56 @@ fn materials_and_textures_come_along() {
     assert!(alone.warnings.iter().any(|w| w.data_lost && w.text.contains("a b.tga")), "{:?}", alone.warnings);
 }
 
+/// A file with a texture on a square; `bound` is in the instance of its material, `inputs` are those of its faces.
+fn textured(bound: &str, inputs: &str) -> serde_json::Value {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tga = vec![0u8, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0];
+    tga.extend([10, 20, 30]);
+    std::fs::write(folder.path().join("a.tga"), tga).unwrap();
+    let libraries = r##"<library_images><image id="i"><init_from>a.tga</init_from></image></library_images>
+        <library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
+        <emission><texture texture="i" texcoord="A"/></emission><diffuse><texture texture="i" texcoord="B"/></diffuse>
+        </phong></technique></profile_COMMON></effect></library_effects>
+        <library_materials><material id="mat"><instance_effect url="#e"/></material></library_materials>"##;
+    let nodes = format!(
+        r##"<node><instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="m" target="#mat">{bound}</instance_material></technique_common></bind_material></instance_geometry></node>"##
+    );
+    let faces = format!(r#"<triangles material="m">{inputs}<p>0 0 1 1 2 2</p></triangles>"#);
+    let mut options = ReadOptions::default();
+    options.folder = Some(folder.path().to_owned());
+    let text = document("", libraries, &faces, &nodes);
+    let scene = read_scene_bytes(text.as_bytes(), &options).unwrap().unwrap();
+    let mut gltf = Vec::new();
+    scene.write(&[], Format::Gltf, &|_| None, &mut gltf).unwrap();
+    let mut json: serde_json::Value = serde_json::from_slice(&gltf).unwrap();
+    json["warnings"] = scene.warnings().iter().filter(|w| w.data_lost).map(|w| w.text.as_str()).collect();
+    json
+}
+
+#[test]
+fn textures_use_the_bound_set() {
+    let inputs = r##"<input semantic="VERTEX" source="#v" offset="0"/><input semantic="TEXCOORD" source="#t" offset="1" set="3"/>
+        <input semantic="TEXCOORD" source="#t" offset="1" set="1"/>"##;
+    let bound = r#"<bind_vertex_input semantic="A" input_semantic="TEXCOORD" input_set="3"/>
+        <bind_vertex_input semantic="B" input_semantic="TEXCOORD" input_set="1"/>"#;
+    let material = textured(bound, inputs)["materials"][0].clone();
+    assert_eq!(material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"], 1);
+    assert!(material["emissiveTexture"]["texCoord"].is_null() && material["emissiveTexture"]["index"] == 0);
+    let plain = textured("", inputs);
+    assert!(plain["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"].is_null());
+}
+
+#[test]
+fn textures_need_texture_coordinates() {
+    let inputs = r##"<input semantic="VERTEX" source="#v" offset="0"/><input semantic="NORMAL" source="#p" offset="1"/>"##;
+    let json = textured("", inputs);
+    let material = &json["materials"][0];
+    assert!(json["materials"].as_array().unwrap().len() == 1 && json["images"].is_null(), "{json}");
+    assert!(material["pbrMetallicRoughness"]["baseColorTexture"].is_null());
+    assert!(material["emissiveTexture"].is_null() && material["emissiveFactor"].is_null());
+    assert_eq!(json["warnings"][0], "textures are left out where a mesh has no texture coordinates");
+}
+
 #[test]
 fn skins_and_animations_are_warnings() {
     let libraries = r##"<library_animations><animation id="a"/></library_animations>

@@ -10,7 +10,12 @@ use crate::error::{ReadError, Warning};
 use crate::gltf::SceneBuilder;
 
 /// A geometry. Its primitives have the symbols of materials.
-pub(super) type Geometry = CornerMesh<Option<String>>;
+#[derive(Default)]
+pub(super) struct Geometry {
+    pub(super) mesh: CornerMesh<Option<String>>,
+    /// The numbers of its sets of texture coordinates, in the order in which the mesh has them.
+    pub(super) uv_sets: Vec<u32>,
+}
 
 /// The values of all sources of each kind.
 #[derive(Default)]
@@ -18,6 +23,8 @@ struct Pools {
     values: [Vec<[f32; 4]>; KINDS],
     /// The first value of a source and their number, by its id and kind.
     starts: HashMap<(String, usize), (u32, u32)>,
+    /// The numbers of the sets of texture coordinates.
+    uv_sets: Vec<u32>,
 }
 
 /// An input of a primitive: the position of its index in a corner, its kind, and the range of its source.
@@ -35,7 +42,8 @@ pub(super) fn read<'a>(
     scene: &mut SceneBuilder,
 ) -> Result<Geometry, ReadError> {
     let name = element.attribute("name").or(element.attribute("id")).unwrap_or_default().to_owned();
-    let mut geometry = Geometry { name, ..Geometry::default() };
+    let mut geometry = Geometry::default();
+    geometry.mesh.name = name;
     let mut pools = Pools::default();
     for kind in ["convex_mesh", "spline", "brep"] {
         if child(element, kind).is_some() {
@@ -50,7 +58,7 @@ pub(super) fn read<'a>(
                 let polygons = polygons(primitive, tag, &inputs, scene)?;
                 let triangles = triangulated(primitive, &polygons, &pools)?;
                 let symbol = primitive.attribute("material").map(str::to_owned);
-                geometry.primitives.push((symbol, triangles));
+                geometry.mesh.primitives.push((symbol, triangles));
             }
             "lines" | "linestrips" => {
                 scene.warn(Warning::lost("lines are not read: dropped"));
@@ -58,7 +66,7 @@ pub(super) fn read<'a>(
             _ => {}
         }
     }
-    geometry.values = pools.values;
+    (geometry.mesh.values, geometry.uv_sets) = (pools.values, pools.uv_sets);
     Ok(geometry)
 }
 
@@ -71,7 +79,6 @@ fn inputs<'a>(
     scene: &mut SceneBuilder,
 ) -> Result<Option<Vec<CornerInput>>, ReadError> {
     let mut all = Vec::new();
-    let mut uv_sets: Vec<u32> = Vec::new();
     let mut found: Vec<(DaeElement<'a>, usize)> = Vec::new();
     for input in children(primitive, "input") {
         let offset = input.attribute("offset").map_or(Some(0), |o| o.trim().parse::<usize>().ok());
@@ -93,9 +100,15 @@ fn inputs<'a>(
             "COLOR" => COLOR,
             "TEXCOORD" | "UV" => {
                 let set = input.attribute("set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
+                // The same for all primitives, whatever the order of their inputs is.
+                let uv_sets = &mut values.uv_sets;
                 let at = uv_sets.iter().position(|&s| s == set).unwrap_or_else(|| {
-                    uv_sets.push(set);
-                    uv_sets.len() - 1
+                    if uv_sets.len() < MAX_UV_SETS {
+                        uv_sets.push(set);
+                        uv_sets.len() - 1
+                    } else {
+                        MAX_UV_SETS
+                    }
                 });
                 if at >= MAX_UV_SETS {
                     let text = format!("texture coordinates beyond {MAX_UV_SETS} sets are not read: dropped");

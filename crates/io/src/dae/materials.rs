@@ -8,10 +8,15 @@ use super::document::{DaeElement, Ids, child, children, descend, error, numbers,
 use crate::error::{ReadError, Warning};
 use crate::gltf::{BroughtImages, SceneBuilder, file_path_of_uri};
 
+/// The names by which an effect refers to texture coordinates, and the sets of the mesh that an instance binds them to.
+/// Names without an entry are the first set.
+type Bindings<'a> = Vec<(&'a str, usize)>;
+
 /// The materials and images of a file, added to the scene when they are first used.
 pub(super) struct DaeMaterials<'a> {
     pub(super) images: BroughtImages,
-    known: HashMap<&'a str, usize>,
+    /// Materials by their ids and the sets that their textures are bound to.
+    known: HashMap<(&'a str, Bindings<'a>), usize>,
     /// Textures by the ids of their images.
     textures: HashMap<&'a str, Option<usize>>,
 }
@@ -21,21 +26,24 @@ impl<'a> DaeMaterials<'a> {
         Self { images, known: HashMap::new(), textures: HashMap::new() }
     }
 
-    /// Returns the material that an instance refers to; `None` if there is none.
+    /// Returns the material that an instance refers to; `None` if there is none. `uv_sets` are the numbers of the sets of
+    /// texture coordinates that the mesh has.
     pub(super) fn of_instance(
         &mut self,
         ids: &mut Ids<'a>,
         instance: DaeElement<'a>,
+        uv_sets: &[u32],
         scene: &mut SceneBuilder,
     ) -> Result<Option<usize>, ReadError> {
         let Some(material) = ids.target_or_note(instance, "target", "material") else { return Ok(None) };
         let id = material.attribute("id").unwrap_or_default();
-        if let Some(&known) = self.known.get(id) {
+        let key = (id, bindings(instance, uv_sets, scene));
+        if let Some(&known) = self.known.get(&key) {
             return Ok(Some(known));
         }
-        let made = self.material(ids, material, scene)?;
+        let made = self.material(ids, material, &key.1, scene)?;
         let index = scene.add("materials", made);
-        self.known.insert(id, index);
+        self.known.insert(key, index);
         Ok(Some(index))
     }
 
@@ -43,6 +51,7 @@ impl<'a> DaeMaterials<'a> {
         &mut self,
         ids: &mut Ids<'a>,
         material: DaeElement<'a>,
+        bindings: &Bindings<'a>,
         scene: &mut SceneBuilder,
     ) -> Result<Value, ReadError> {
         let mut made = json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 } });
@@ -67,10 +76,10 @@ impl<'a> DaeMaterials<'a> {
         let mut diffuse_image = None;
         match ShadingProperty::of(shading, "diffuse")? {
             Some(ShadingProperty::Color(c)) => color = c.map(|x| x.clamp(0.0, 1.0)),
-            Some(ShadingProperty::Texture(sampler)) => {
+            Some(ShadingProperty::Texture(sampler, coordinates)) => {
                 diffuse_image = image_of(ids, profile, effect, sampler);
                 if let Some(texture) = self.texture(diffuse_image, sampler, scene) {
-                    surface["baseColorTexture"] = json!({ "index": texture });
+                    surface["baseColorTexture"] = reference(texture, coordinates, bindings);
                 }
             }
             None => {}
@@ -96,10 +105,10 @@ impl<'a> DaeMaterials<'a> {
             Some(ShadingProperty::Color([r, g, b, _])) if [r, g, b] != [0.0; 3] => {
                 made["emissiveFactor"] = json!([r, g, b].map(|x| x.clamp(0.0, 1.0)));
             }
-            Some(ShadingProperty::Texture(sampler)) => {
+            Some(ShadingProperty::Texture(sampler, coordinates)) => {
                 let image = image_of(ids, profile, effect, sampler);
                 if let Some(texture) = self.texture(image, sampler, scene) {
-                    made["emissiveTexture"] = json!({ "index": texture });
+                    made["emissiveTexture"] = reference(texture, coordinates, bindings);
                     made["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
                 }
             }
@@ -108,7 +117,7 @@ impl<'a> DaeMaterials<'a> {
         for (channel, lost) in
             [("specular", "textures of highlights"), ("reflective", "textures of reflections")]
         {
-            if matches!(ShadingProperty::of(shading, channel)?, Some(ShadingProperty::Texture(_))) {
+            if matches!(ShadingProperty::of(shading, channel)?, Some(ShadingProperty::Texture(..))) {
                 scene.warn(Warning::lost(format!("{lost} are not read: dropped")));
             }
         }
@@ -161,18 +170,49 @@ impl<'a> DaeMaterials<'a> {
     }
 }
 
+/// Returns the bindings of an instance to other sets than the first.
+fn bindings<'a>(instance: DaeElement<'a>, uv_sets: &[u32], scene: &mut SceneBuilder) -> Bindings<'a> {
+    let mut bindings = Bindings::new();
+    for bound in children(instance, "bind_vertex_input") {
+        if !matches!(bound.attribute("input_semantic"), Some("TEXCOORD" | "UV")) {
+            continue;
+        }
+        let set = bound.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
+        match uv_sets.iter().position(|&s| s == set) {
+            Some(0) => {}
+            Some(at) => bindings.push((bound.attribute("semantic").unwrap_or_default(), at)),
+            None if uv_sets.is_empty() => {}
+            None => scene.warn(Warning::note(format!(
+                "textures are bound to the set {set} of texture coordinates, which their mesh lacks: the first set \
+                 places them"
+            ))),
+        }
+    }
+    bindings
+}
+
+/// Returns a reference to a texture whose coordinates have this name.
+fn reference(texture: usize, coordinates: &str, bindings: &Bindings<'_>) -> Value {
+    let mut reference = json!({ "index": texture });
+    if let Some((_, set)) = bindings.iter().find(|(name, _)| *name == coordinates) {
+        reference["texCoord"] = (*set).into();
+    }
+    reference
+}
+
 /// A property of a shading model.
 enum ShadingProperty<'a> {
     Color([f64; 4]),
-    /// The sampler of a texture.
-    Texture(&'a str),
+    /// The sampler of a texture, and the name of its texture coordinates.
+    Texture(&'a str, &'a str),
 }
 
 impl<'a> ShadingProperty<'a> {
     fn of(shading: DaeElement<'a>, name: &'static str) -> Result<Option<Self>, ReadError> {
         let Some(property) = child(shading, name) else { return Ok(None) };
         if let Some(texture) = child(property, "texture") {
-            return Ok(Some(Self::Texture(texture.attribute("texture").unwrap_or_default())));
+            let attribute = |name: &str| texture.attribute(name).unwrap_or_default();
+            return Ok(Some(Self::Texture(attribute("texture"), attribute("texcoord"))));
         }
         let Some(color) = child(property, "color") else { return Ok(None) };
         match numbers(color)?[..] {
@@ -210,7 +250,7 @@ fn opacity<'a>(
                 _ => a * strength,
             }
         }
-        Some(ShadingProperty::Texture(sampler)) => {
+        Some(ShadingProperty::Texture(sampler, _)) => {
             let image = image_of(ids, profile, effect, sampler);
             if image.is_some() && image == diffuse_image {
                 return Ok((1.0, true));

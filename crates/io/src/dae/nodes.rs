@@ -247,29 +247,29 @@ impl<'a> DaeScene<'a> {
             let read = geometry::read(&mut self.ids, element, &mut self.scene)?;
             self.geometries.insert(id, read);
         }
-        let geometry = &self.geometries[id];
-        if geometry.is_empty() {
+        let Geometry { mesh: corners, uv_sets } = &self.geometries[id];
+        if corners.is_empty() {
             return Ok(None);
         }
         let mut bound = HashMap::new();
         let technique = instance.and_then(|i| descend(i, &["bind_material", "technique_common"]));
         for binding in technique.into_iter().flat_map(|t| children(t, "instance_material")) {
-            let material = self.materials.of_instance(&mut self.ids, binding, &mut self.scene)?;
+            let material = self.materials.of_instance(&mut self.ids, binding, uv_sets, &mut self.scene)?;
             if let Some(material) = material {
                 bound.insert(binding.attribute("symbol").unwrap_or_default(), material);
             }
         }
         let bound_to = |symbol: &Option<String>| bound.get(symbol.as_deref()?).copied();
-        let key = (id, geometry.primitives.iter().map(|(symbol, _)| bound_to(symbol)).collect::<Vec<_>>());
+        let key = (id, corners.primitives.iter().map(|(symbol, _)| bound_to(symbol)).collect::<Vec<_>>());
         if let Some(&known) = self.meshes.get(&key) {
             return Ok(known);
         }
-        if geometry.primitives.iter().any(|(symbol, _)| symbol.is_some() && bound_to(symbol).is_none()) {
+        if corners.primitives.iter().any(|(symbol, _)| symbol.is_some() && bound_to(symbol).is_none()) {
             self.scene.warn(Warning::note(
                 "some faces use material symbols that are not bound: they get no material",
             ));
         }
-        let split = geometry.split(bound_to);
+        let split = corners.split(bound_to);
         if split.lost_normals {
             self.scene
                 .warn(Warning::lost("a geometry has normals for some of its faces only: they are dropped"));

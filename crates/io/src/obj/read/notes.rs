@@ -37,9 +37,8 @@ impl ObjNotes {
     pub(super) fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();
         for (error, corners) in &self.missing {
-            let text =
-                format!("{error} ({} refer to such ones): left out", counted(*corners, "corner", "corners"));
-            warnings.push(Warning::lost(text));
+            let corners = counted(*corners, "corner refers to such a one", "corners refer to such ones");
+            warnings.push(Warning::lost(format!("{error} ({corners}): left out")));
         }
         if self.lines_and_points > 0 {
             let count = counted(self.lines_and_points, "element", "elements");
