@@ -80,6 +80,10 @@ pub fn texts(warnings: &[Warning]) -> Vec<&str> {
 /// Returns the warnings of a run.
 pub fn warnings_of(report: &Report) -> Vec<Warning> {
     let mut warnings: Vec<_> = dropped(report).collect();
+    if report.cleanup.non_finite_faces > 0 {
+        let faces = counted(report.cleanup.non_finite_faces, "face has", "faces have");
+        warnings.push(Warning::lost(format!("{faces} a position that is not finite: removed")));
+    }
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to get closer to the target"));
     }

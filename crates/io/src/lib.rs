@@ -14,6 +14,7 @@ mod excerpt;
 #[cfg(feature = "fbx")]
 pub mod fbx;
 mod files;
+mod finite;
 pub mod format;
 mod frame;
 pub mod gltf;

@@ -1,5 +1,6 @@
 //! Writing of meshes and scenes to paths and streams.
 
+use std::borrow::Cow;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -7,9 +8,10 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use lodsmith_core::TriMesh;
 
-use crate::error::WriteError;
+use crate::error::{Warning, WriteError};
 use crate::files::BUFFER;
 pub use crate::files::write_file;
+use crate::finite::NonFinite;
 use crate::format::Format;
 use crate::gltf::{CopiedImages, Scene, SceneFormat, SceneLevels, Written};
 use crate::losses::{losses, not_packed_warning};
@@ -99,7 +101,7 @@ pub fn write_levels_path(
 ) -> Result<Written, WriteError> {
     let format = format_of(path, options)?;
     let write = |relink: &dyn Fn(&str) -> Option<String>, out: &mut dyn Write| {
-        scene.write_levels(levels, SceneFormat::new(format, options.packing), relink, out)
+        write_levels(scene, levels, SceneFormat::new(format, options.packing), relink, out)
     };
     write_with_images(scene, path, format, options, relink, write)
 }
@@ -195,12 +197,57 @@ fn write_scene(
     relink: &dyn Fn(&str) -> Option<String>,
     out: &mut dyn Write,
 ) -> io::Result<Written> {
-    if to.format != Format::ThreeMf {
-        return scene.write(replaced, to, relink, out);
-    }
-    let mut written = crate::three_mf::write_scene(scene, replaced, to.textures, out)?;
-    written.warnings.extend(not_packed_warning(to.format, to.packing));
+    let (replaced, removed) = finite_meshes(scene, replaced, to.format);
+    let mut written = if to.format == Format::ThreeMf {
+        let mut written = crate::three_mf::write_scene(scene, &replaced, to.textures, out)?;
+        written.warnings.extend(not_packed_warning(to.format, to.packing));
+        written
+    } else {
+        scene.write(&replaced, to, relink, out)?
+    };
+    written.warnings.splice(0..0, removed);
     Ok(written)
+}
+
+/// Writes a whole scene with levels of detail.
+fn write_levels(
+    scene: &Scene,
+    levels: &SceneLevels,
+    to: SceneFormat,
+    relink: &dyn Fn(&str) -> Option<String>,
+    out: &mut dyn Write,
+) -> io::Result<Written> {
+    let kept = levels.replaced.first().map_or(&[][..], Vec::as_slice);
+    let (first, removed) = finite_meshes(scene, kept, to.format);
+    let mut levels = Cow::Borrowed(levels);
+    if let Cow::Owned(first) = first {
+        let all = &mut levels.to_mut().replaced;
+        all.resize(all.len().max(1), Vec::new());
+        all[0] = first;
+    }
+    let mut written = scene.write_levels(&levels, to, relink, out)?;
+    written.warnings.splice(0..0, removed);
+    Ok(written)
+}
+
+/// Returns the replacements of a scene, with further ones for meshes that have numbers that are not finite, and warnings
+/// about these.
+fn finite_meshes<'r>(
+    scene: &Scene,
+    replaced: &'r [Option<TriMesh>],
+    format: Format,
+) -> (Cow<'r, [Option<TriMesh>]>, Vec<Warning>) {
+    let mut removed = NonFinite::default();
+    let mut all = Cow::Borrowed(replaced);
+    for (i, own) in scene.meshes().iter().enumerate() {
+        let mesh = replaced.get(i).and_then(Option::as_ref).unwrap_or(&own.mesh);
+        if let Cow::Owned(made) = removed.removed_from(mesh, format) {
+            let all = all.to_mut();
+            all.resize(all.len().max(i + 1), None);
+            all[i] = Some(made);
+        }
+    }
+    (all, removed.warnings(format))
 }
 
 /// Writes a whole scene with levels of detail to a stream; see [`Scene::write_levels`].
@@ -217,7 +264,7 @@ pub fn write_levels_to(
     out: &mut dyn Write,
 ) -> Result<Written, WriteError> {
     write_stream(out, |out| {
-        let written = scene.write_levels(levels, to, relink, out)?;
+        let written = write_levels(scene, levels, to.into(), relink, out)?;
         out.flush()?;
         Ok(written)
     })
@@ -247,6 +294,13 @@ fn write_format(
     libraries: Option<&[Vec<u8>]>,
     out: &mut dyn Write,
 ) -> io::Result<Written> {
+    let mut removed = NonFinite::default();
+    let finite = removed.removed_from(mesh, format);
+    if finite.face_count() == 0 && mesh.face_count() > 0 {
+        let what = "positions that are not finite, which all faces have".to_owned();
+        return Err(io::Error::other(WriteError::TooLarge { format: format.title(), what }));
+    }
+    let mesh = &*finite;
     let mut written = match format {
         Format::Obj => crate::obj::write_with_libraries(mesh, options, libraries, out).map(Written::new),
         Format::Off => crate::off::write(mesh, options, out).map(Written::new),
@@ -261,6 +315,7 @@ fn write_format(
         Format::Lpm => Err(io::Error::other(WriteError::NeedsSplits)),
     }?;
     out.flush()?;
+    written.warnings.splice(0..0, removed.warnings(format));
     written.warnings.extend(losses(mesh, format, options));
     Ok(written)
 }

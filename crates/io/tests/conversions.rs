@@ -4,11 +4,11 @@ use std::fs;
 use std::io::Cursor;
 use std::sync::Arc;
 
-use lodsmith_core::{Attribute, IntegerType, Positions, Semantic, TriMesh, shapes};
+use lodsmith_core::{Attribute, IntegerType, Positions, Semantic, TriMesh, VertexId, WedgeId, shapes};
 use lodsmith_io::gltf::{Compression, Packing, Scene};
 use lodsmith_io::{
-    Format, Limits, Loaded, ReadError, ReadOptions, Regions, Textures, WriteOptions, read_bytes, read_path,
-    read_scene_bytes, read_scene_path, write_scene_to, write_to,
+    Format, Limits, Loaded, ReadError, ReadOptions, Regions, Textures, Warning, WriteOptions, read_bytes,
+    read_path, read_scene_bytes, read_scene_path, write_scene_to, write_to,
 };
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -298,4 +298,65 @@ fn a_replacement_that_no_primitive_can_hold_is_refused() {
         error.to_string(),
         "face 0 of meshes[0] has region 1, which is not a primitive with triangles"
     );
+}
+
+/// No format gets NaN or infinity, as a mesh or within a scene; the faces that use them go, with a warning.
+#[test]
+fn positions_that_are_not_finite_are_removed() {
+    let mut buffers = shapes::grid(3).into_buffers();
+    let Positions::F32(positions) = &mut buffers.positions else { panic!("a grid is single") };
+    (positions[0][1], positions[5][0]) = (f32::NAN, f32::INFINITY);
+    let (bad_a, bad_b) = (0, 5);
+    let uses = |t: &[WedgeId; 3]| t.iter().any(|w| w.0 == bad_a || w.0 == bad_b);
+    let removed = buffers.triangles.iter().filter(|t| uses(t)).count();
+    let left = buffers.triangles.len() - removed;
+    let mut mesh = TriMesh::try_from(buffers).unwrap();
+    mesh.set_uvs(Some(vec![[f32::NAN, 0.25]; mesh.wedge_count()])).unwrap();
+    let said = |warnings: &[Warning]| {
+        let text = "2 vertices have positions that are not finite";
+        assert!(warnings.iter().any(|w| w.data_lost && w.text.starts_with(text)), "{warnings:?}");
+    };
+    for format in
+        [Format::Obj, Format::Off, Format::Ply, Format::Stl, Format::Gltf, Format::Glb, Format::ThreeMf]
+    {
+        let mut bytes = Vec::new();
+        said(&write_to(&mesh, format, &WriteOptions::default(), &mut bytes).unwrap().warnings);
+        let got = read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh;
+        assert_eq!(got.face_count(), left, "{format:?}");
+        assert!(got.positions().view().iter().flatten().all(f64::is_finite), "{format:?}");
+        if format == Format::Glb {
+            assert_eq!(got.uvs().unwrap()[0], [0.0, 0.25]);
+        }
+    }
+    // The same in a scene that a file brings, whose meshes are else kept byte for byte.
+    let mut glb = Vec::new();
+    write_to(&shapes::grid(3), Format::Glb, &WriteOptions::default(), &mut glb).unwrap();
+    let corner = shapes::grid(3).positions().view().get(VertexId(5)).map(|x| (x as f32).to_le_bytes());
+    let at = glb.windows(12).position(|w| w == corner.as_flattened()).unwrap();
+    glb[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let scene = read_scene_bytes(&glb, &ReadOptions::default()).unwrap().unwrap();
+    for format in [Format::Glb, Format::ThreeMf] {
+        let mut bytes = Vec::new();
+        let written = write_scene_to(&scene, &[], format, &|_| None, &mut bytes).unwrap();
+        assert!(written.warnings.iter().any(|w| w.data_lost && w.text.contains("not finite")));
+        let got = read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh;
+        assert!(got.positions().view().iter().flatten().all(f64::is_finite) && got.face_count() > 0);
+    }
+    // Doubles that single precision cannot hold.
+    let far = |least: f64| {
+        let mut far = shapes::grid(3).into_buffers();
+        let moved = |p: [f64; 3]| p.map(|x| if x >= least { 1e200 } else { x });
+        far.positions = Positions::F64(far.positions.view().iter().map(moved).collect());
+        TriMesh::try_from(far).unwrap()
+    };
+    let write = |mesh: &TriMesh, format| write_to(mesh, format, &WriteOptions::default(), &mut Vec::new());
+    let highest = shapes::grid(3).positions().view().iter().flatten().fold(f64::MIN, f64::max);
+    let warnings = write(&far(highest), Format::Stl).unwrap().warnings;
+    assert!(
+        warnings.iter().any(|w| w.data_lost && w.text.contains("within single precision")),
+        "{warnings:?}"
+    );
+    assert!(write(&far(highest), Format::Ply).unwrap().warnings.is_empty());
+    let error = write(&far(f64::MIN), Format::Stl).unwrap_err().to_string();
+    assert_eq!(error, "STL cannot hold positions that are not finite, which all faces have");
 }

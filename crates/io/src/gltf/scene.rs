@@ -25,6 +25,7 @@ use super::{inventory, merged_built, pack, replace, unpack, write};
 use crate::assets::{Asset, Assets, MAX_IMAGE_BYTES, Refusal};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
+use crate::finite::NonFinite;
 use crate::format::Format;
 use crate::limits::Limits;
 use crate::loaded::{Contents, Loaded};
@@ -141,8 +142,11 @@ impl Scene {
         options: &WriteOptions,
         limits: Limits,
     ) -> Result<(Self, Vec<Warning>), ReadError> {
+        let mut removed = NonFinite::default();
+        let mesh = &*removed.removed_from(mesh, Format::Glb);
         let mut parts = write::parts(mesh, options);
-        let mut warnings = std::mem::take(&mut parts.warnings);
+        let mut warnings = removed.warnings(Format::Glb);
+        warnings.append(&mut parts.warnings);
         warnings.extend(losses(mesh, Format::Glb, options));
         let (size, reading) = (parts.bytes.len(), ReadOptions { limits, ..ReadOptions::default() });
         Ok((Self::of_document(parts.document(), size, Format::Glb, &reading)?, warnings))
