@@ -17,7 +17,10 @@ pub(crate) fn losses(mesh: &TriMesh, format: Format, options: &WriteOptions) -> 
         && let Some(lost) = regions.and_then(|regions| {
             let is_carried = matches!(format, Format::Gltf | Format::Glb | Format::ThreeMf)
                 && !drops_materials(mesh, regions);
-            regions.lost_headings(with_materials && !is_carried)
+            match format {
+                Format::Ply => regions.lost_in_ply(mesh, with_materials),
+                _ => regions.lost_headings(with_materials && !is_carried),
+            }
         })
     {
         warnings.push(Warning::lost(format!("{} cannot carry {lost}: dropped", format.title())));

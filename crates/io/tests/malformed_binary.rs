@@ -152,8 +152,7 @@ fn ply_of_every_type_and_order_with_unknown_things() {
         said,
         [
             "vertex properties are not supported: tags dropped",
-            "element camera is not supported: 1 records dropped",
-            "face properties are not supported: kind dropped"
+            "element camera is not supported: 1 records dropped"
         ]
     );
 }

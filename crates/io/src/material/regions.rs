@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
-use lodsmith_core::{RegionId, TriMesh};
+use lodsmith_core::{IntegerType, RegionId, TriMesh};
 
 use crate::frame::Frame;
 
@@ -53,7 +53,28 @@ pub struct Region<'a> {
     pub smoothing: Option<&'a [u8]>,
 }
 
+/// A property of faces that a PLY has, by their regions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FaceProperty {
+    pub(crate) name: String,
+    /// Its type; `None` for a float.
+    pub(crate) of: Option<IntegerType>,
+    /// The bits of the value of each region.
+    pub(crate) value_bits: Vec<u64>,
+}
+
+impl FaceProperty {
+    /// Returns the value of a region.
+    pub(crate) fn value(&self, region: usize) -> f64 {
+        self.value_bits.get(region).map_or(0.0, |&bits| f64::from_bits(bits))
+    }
+}
+
 impl<'a> Region<'a> {
+    /// Creates a region with groups and a material.
+    pub(crate) fn new(groups: Option<&'a str>, material: Option<&'a str>) -> Self {
+        Self { groups: groups.map(str::as_bytes), material: material.map(str::as_bytes), ..Self::default() }
+    }
     pub(crate) fn name(&self, heading: Heading) -> Option<&'a [u8]> {
         match heading {
             Heading::Object => self.object,
@@ -78,6 +99,10 @@ pub struct Regions {
     pub(crate) libraries: Vec<Library>,
     /// The coordinates of the mesh, for formats that define them.
     pub(crate) frame: Option<Frame>,
+    /// Properties of faces of a PLY, from which names were made: labels are groups, colours are materials.
+    pub(crate) face_properties: Vec<FaceProperty>,
+    /// True if materials are pictures of a PLY, not colours.
+    pub(crate) has_pictures: bool,
 }
 
 impl Regions {
@@ -180,6 +205,20 @@ impl Regions {
             other => self.differing().any(|h| h == *other),
         };
         join_titles(Heading::ALL.into_iter().filter(is_lost))
+    }
+
+    /// Returns the properties of faces, unless the mesh has lost the regions of its faces.
+    pub(crate) fn properties_of_faces(&self, mesh: &TriMesh) -> &[FaceProperty] {
+        if mesh.regions().is_none() && self.len() > 1 { &[] } else { &self.face_properties }
+    }
+
+    /// Lists for users what is lost in PLY, which carries the properties of faces that it had.
+    pub(crate) fn lost_in_ply(&self, mesh: &TriMesh, with_materials: bool) -> Option<String> {
+        if self.properties_of_faces(mesh).is_empty() {
+            return self.lost_headings(with_materials);
+        }
+        let lost = with_materials && self.has_pictures;
+        lost.then(|| Heading::Material.title().to_owned())
     }
 
     fn region(&self, entry: [u32; 4]) -> Region<'_> {
@@ -304,7 +343,7 @@ impl Headings {
             entries: Vec::new(),
             materials: self.materials.all,
             libraries: self.libraries.into_iter().map(Library::named).collect(),
-            frame: None,
+            ..Regions::default()
         };
         if self.changes.is_empty() {
             return (regions, None);

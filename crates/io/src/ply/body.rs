@@ -2,6 +2,7 @@
 
 use lodsmith_core::{IntegerType, Positions};
 
+use super::face_values::{self, FaceColumn};
 use super::header::{Element, Encoding, Header, PropertyType, Scalar};
 use super::source::{Binary, Fault, NumberSource, Text, triangle_record};
 use crate::error::{ReadError, Warning};
@@ -12,6 +13,8 @@ use crate::options::{PROGRESS_RECORDS, SharedProgress};
 pub(super) struct Body {
     pub(super) vertices: VertexBuffers,
     pub(super) faces: Faces,
+    /// Numbers of the faces; none if there are strips too.
+    pub(super) columns: Vec<FaceColumn>,
     pub(super) warnings: Vec<Warning>,
 }
 
@@ -82,13 +85,25 @@ impl Body {
         let mut warnings = Vec::new();
         let mut vertices = None;
         let mut faces: Option<Faces> = None;
+        let mut columns = Vec::new();
+        let has_strips = header.element("tristrips").is_some_and(|e| e.count > 0);
         for element in &header.elements {
             match element.name.as_str() {
                 "vertex" => {
                     vertices = Some(read_vertices(element, wanted, &mut source, &mut warnings, progress)?);
                 }
                 "face" => {
-                    let more = read_faces(element, vertex_count, &mut source, &mut warnings, progress)?;
+                    if element.count > 0 && !has_strips {
+                        columns = face_values::columns(element, !header.pictures.is_empty());
+                    }
+                    let more = read_faces(
+                        element,
+                        vertex_count,
+                        &mut columns,
+                        &mut source,
+                        &mut warnings,
+                        progress,
+                    )?;
                     faces = Some(join(faces, more));
                 }
                 "tristrips" => {
@@ -109,7 +124,7 @@ impl Body {
         progress.set(1, 1);
         let vertices =
             vertices.ok_or_else(|| ReadError::file("the header does not declare an element `vertex`"))?;
-        Ok(Self { vertices, faces: faces.unwrap_or(Faces::Triangles(Vec::new())), warnings })
+        Ok(Self { vertices, faces: faces.unwrap_or(Faces::Triangles(Vec::new())), columns, warnings })
     }
 }
 
@@ -163,9 +178,10 @@ enum PropertyTarget {
 type PropertyGroup = (&'static [&'static str], fn(usize) -> PropertyTarget);
 
 /// Names of the known vertex properties: only complete groups, and only the first group of a kind, are used.
-const PROPERTY_GROUPS: [PropertyGroup; 8] = [
+const PROPERTY_GROUPS: [PropertyGroup; 9] = [
     (&["x", "y", "z"], PropertyTarget::Position),
     (&["nx", "ny", "nz"], PropertyTarget::Normal),
+    (&["normal_x", "normal_y", "normal_z"], PropertyTarget::Normal),
     (&["red", "green", "blue"], PropertyTarget::Color),
     (&["diffuse_red", "diffuse_green", "diffuse_blue"], PropertyTarget::Color),
     (&["r", "g", "b"], PropertyTarget::Color),
@@ -212,15 +228,6 @@ fn targets(element: &Element, wanted: &[String]) -> (Vec<PropertyTarget>, Vec<Di
         }
     }
     (targets, discrete, aside)
-}
-
-/// The value that maps to 1 in a colour of this type; integers wider than 16 bits hold bytes in practice.
-fn color_divisor(kind: Scalar) -> f32 {
-    match kind {
-        Scalar::F32 | Scalar::F64 => 1.0,
-        Scalar::U16 => 65535.0,
-        _ => 255.0,
-    }
 }
 
 fn read_vertices<S: NumberSource>(
@@ -281,7 +288,7 @@ fn read_vertices<S: NumberSource>(
                     PropertyType::One(kind) => source.number(kind).map(|x| match *target {
                         PropertyTarget::Position(k) => p[k] = x,
                         PropertyTarget::Normal(k) => n[k] = x as f32,
-                        PropertyTarget::Color(k) => c[k] = x as f32 / color_divisor(kind),
+                        PropertyTarget::Color(k) => c[k] = x as f32 / kind.color_divisor(),
                         PropertyTarget::Uv(k) => uv[k] = x as f32,
                         PropertyTarget::Named(carried, beside) => {
                             carried.iter().for_each(|&k| discrete[k].push(x));
@@ -352,6 +359,7 @@ fn is_index_list(p: &super::header::Property) -> bool {
 fn read_faces<S: NumberSource>(
     element: &Element,
     vertex_count: usize,
+    columns: &mut [FaceColumn],
     source: &mut S,
     warnings: &mut Vec<Warning>,
     progress: &SharedProgress,
@@ -366,9 +374,11 @@ fn read_faces<S: NumberSource>(
         .properties
         .iter()
         .position(|p| p.name == "texcoord" && matches!(p.kind, PropertyType::List { .. }));
-    warn_of_face_properties(element, at, texcoord, warnings);
+    warn_of_face_properties(element, at, texcoord, columns, warnings);
 
-    if let Some(triangles) = source.triangles(element, at) {
+    if columns.is_empty()
+        && let Some(triangles) = source.triangles(element, at)
+    {
         let bad = |t: &[u32; 3]| t.iter().any(|&i| i as usize >= vertex_count);
         if !triangles.iter().any(bad) {
             skip_bytes_of_triangles(element, source);
@@ -380,6 +390,11 @@ fn read_faces<S: NumberSource>(
     let mut corners = Corners { uvs: texcoord.map(|_| Vec::new()), ..Corners::default() };
     corners.ends = try_with_capacity(element.count)?;
     corners.indices = try_with_capacity(element.count * 3)?;
+    let mut column_of: Vec<Option<usize>> = vec![None; element.properties.len()];
+    for (k, column) in columns.iter_mut().enumerate() {
+        column.values = try_with_capacity(element.count)?;
+        column_of[column.property] = Some(k);
+    }
     for face in 0..element.count {
         follow(progress, source, face);
         let start = corners.indices.len();
@@ -411,7 +426,10 @@ fn read_faces<S: NumberSource>(
                     })
                 }
                 PropertyType::List { count, item } => source.skip_list(count, item),
-                PropertyType::One(kind) => source.skip_one(kind),
+                PropertyType::One(kind) => match column_of[k] {
+                    Some(column) => source.number(kind).map(|x| columns[column].values.push(x)),
+                    None => source.skip_one(kind),
+                },
             };
             read.map_err(|f| source.error(f, "face", face, &property.name))?;
         }
@@ -448,6 +466,7 @@ fn warn_of_face_properties(
     element: &Element,
     indices: usize,
     texcoord: Option<usize>,
+    columns: &[FaceColumn],
     warnings: &mut Vec<Warning>,
 ) {
     let is_color = |name: &str| matches!(name, "red" | "green" | "blue" | "alpha");
@@ -455,7 +474,7 @@ fn warn_of_face_properties(
         .properties
         .iter()
         .enumerate()
-        .filter(|(k, _)| *k != indices && Some(*k) != texcoord)
+        .filter(|(k, _)| *k != indices && Some(*k) != texcoord && columns.iter().all(|c| c.property != *k))
         .map(|(_, p)| p.name.clone())
         .partition(|name| is_color(name));
     if !colors.is_empty() {

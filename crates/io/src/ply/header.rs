@@ -54,6 +54,15 @@ impl Scalar {
         })
     }
 
+    /// Returns the value that maps to 1 in a colour of this type; integers wider than 16 bits hold bytes in practice.
+    pub(super) const fn color_divisor(self) -> f32 {
+        match self {
+            Self::F32 | Self::F64 => 1.0,
+            Self::U16 => 65535.0,
+            _ => 255.0,
+        }
+    }
+
     /// Returns the size in a binary body in bytes.
     pub(super) const fn size(self) -> usize {
         match self {
@@ -108,6 +117,9 @@ impl Element {
     }
 }
 
+/// A file that names more pictures than this is not a real model. Guessed.
+const MAX_PICTURES: usize = 4096;
+
 /// A parsed header.
 #[derive(Clone, Debug)]
 pub(super) struct Header {
@@ -115,8 +127,8 @@ pub(super) struct Header {
     pub(super) elements: Vec<Element>,
     /// Offset of the body from the start of the file, in bytes.
     pub(super) body: usize,
-    /// Number of `comment TextureFile` lines.
-    pub(super) texture_files: usize,
+    /// Names of pictures in `comment TextureFile` lines.
+    pub(super) pictures: Vec<String>,
 }
 
 impl Header {
@@ -132,12 +144,17 @@ impl Header {
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
-        let mut texture_files = 0;
+        let mut pictures = Vec::new();
         while let Some((number, line)) = lines.next() {
             let words: Vec<&str> = line.split_whitespace().collect();
             match words[..] {
                 [] | ["obj_info", ..] => {}
-                ["comment", ..] => texture_files += usize::from(words.get(1) == Some(&"TextureFile")),
+                ["comment", "TextureFile", ..] if pictures.len() < MAX_PICTURES => {
+                    // The name may hold blanks.
+                    let name = line.split_once("TextureFile").map_or("", |(_, name)| name.trim());
+                    pictures.extend((!name.is_empty()).then(|| name.to_owned()));
+                }
+                ["comment", ..] => {}
                 ["format", name, ..] => encoding = Some(encoding_named(number, name)?),
                 ["element", name, count] => {
                     if elements.iter().any(|e| e.name == name) {
@@ -163,7 +180,7 @@ impl Header {
                     let encoding = encoding.ok_or_else(|| {
                         ReadError::line(number, "the header has no format line (ascii, binary_...)")
                     })?;
-                    return Ok(Self { encoding, elements, body: lines.at, texture_files });
+                    return Ok(Self { encoding, elements, body: lines.at, pictures });
                 }
                 _ => {
                     let line = excerpt(line.trim());
@@ -206,7 +223,14 @@ impl Header {
         // Little-endian triangles are copied directly; others go through a list of corners.
         let face = if self.encoding == Encoding::Little { 12 } else { 32 };
         let bytes = |e: &Element| {
-            let each = if e.name == "vertex" { e.properties.iter().map(vertex).sum() } else { face };
+            // Numbers of faces are read in double precision.
+            let numbers =
+                e.properties.iter().filter(|p| matches!(p.kind, PropertyType::One(_))).count() as u64;
+            let each = match &*e.name {
+                "vertex" => e.properties.iter().map(vertex).sum(),
+                "face" => face + 16 * numbers,
+                _ => face,
+            };
             (e.count as u64).saturating_mul(each)
         };
         self.elements.iter().map(bytes).fold(0, u64::saturating_add)

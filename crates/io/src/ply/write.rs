@@ -5,11 +5,16 @@ use std::io::{self, Write};
 use lodsmith_core::{Attribute, IntegerType, Positions, Semantic, TriMesh, VertexId, WedgeId};
 
 use crate::error::Warning;
+use crate::material::FaceProperty;
+use crate::options::WriteOptions;
 
 /// Approximate size in bytes of the chunks written to the stream.
 const PIECE: usize = 1 << 16;
 
-pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write) -> io::Result<Vec<Warning>> {
+    let ascii = options.ascii;
+    let of_regions: &[FaceProperty] =
+        options.regions.as_deref().map_or(&[], |regions| regions.properties_of_faces(mesh));
     let mut warnings = Vec::new();
     // Without attributes, wedges carry no information: the vertices are written.
     let split = mesh.has_attributes() && mesh.vertex_map().is_some();
@@ -41,7 +46,7 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
         .map(|a| (a, integers_of(a)))
         .collect();
     let names = names_of(&named);
-    header(mesh, ascii, (count, triangles.len()), colors.as_ref(), &names, out)?;
+    header(mesh, ascii, (count, triangles.len()), colors.as_ref(), (&names, of_regions), out)?;
 
     let mut sink = Sink { out, piece: Vec::with_capacity(PIECE + 256), ascii };
     for i in 0..count {
@@ -63,16 +68,24 @@ pub(super) fn write(mesh: &TriMesh, ascii: bool, out: &mut dyn Write) -> io::Res
         for &(a, integer) in &named {
             for &x in a.of(WedgeId::new(i)) {
                 match integer {
-                    Some(of) => sink.integer(of, x),
+                    Some(of) => sink.integer(of, x as i64),
                     None => sink.f32(x),
                 }
             }
         }
         sink.end_record()?;
     }
-    for t in triangles {
+    for (face, t) in triangles.iter().enumerate() {
         sink.byte(3);
         t.iter().for_each(|&i| sink.index(i));
+        let region = mesh.regions().map_or(0, |all| all[face].index());
+        for property in of_regions {
+            let value = property.value(region);
+            match property.of {
+                Some(of) => sink.integer(of, value as i64),
+                None => sink.f32(value as f32),
+            }
+        }
         sink.end_record()?;
     }
     sink.out.write_all(&sink.piece)?;
@@ -145,7 +158,7 @@ fn header(
     ascii: bool,
     (vertices, faces): (usize, usize),
     colors: Option<&Colors<'_>>,
-    named: &[(String, &str)],
+    (named, of_faces): (&[(String, &str)], &[FaceProperty]),
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let mut text = String::from("ply\n");
@@ -174,6 +187,9 @@ fn header(
     // Most readers expect signed indices, which suffice up to 2^31.
     let index = if vertices > i32::MAX as usize { "uint" } else { "int" };
     line(&["property", "list", "uchar", index, "vertex_indices"]);
+    for property in of_faces {
+        line(&["property", property.of.map_or("float", type_name), &property.name]);
+    }
     line(&["end_header"]);
     out.write_all(text.as_bytes())
 }
@@ -205,8 +221,7 @@ impl Sink<'_> {
     }
     /// Writes a value that fits the type.
     #[inline]
-    fn integer(&mut self, of: IntegerType, x: f32) {
-        let x = x as i64;
+    fn integer(&mut self, of: IntegerType, x: i64) {
         match of {
             IntegerType::I8 => self.put((x as i8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
             IntegerType::U8 => self.put((x as u8).to_le_bytes(), |to| word(to, format_args!("{x}"))),
