@@ -44,6 +44,7 @@ mod sizes;
 mod skins;
 mod slot;
 mod survey;
+mod texture_transform;
 mod unpack;
 mod unplaced_textures;
 mod unused_materials;
@@ -51,7 +52,7 @@ mod vrm;
 mod write;
 
 pub(crate) use brought_images::BroughtImages;
-pub(crate) use buffers::file_path_of_uri;
+pub(crate) use buffers::{file_path_of_uri, percent_decoded};
 #[cfg(feature = "fbx")]
 pub(crate) use builder::MorphTarget;
 pub(crate) use builder::{BuiltScene, MeshParts, SceneBuilder, matrix_of_node};

@@ -150,13 +150,38 @@ fn showing(texture: usize) -> Value {
     json!([{}, {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}, {}])
 }
 
+/// Formats without transforms of textures get the texture coordinates that these give.
+#[test]
+fn transforms_of_textures_move_the_coordinates() {
+    let transform = json!({"KHR_texture_transform": {"scale": [0.5, 0.25], "offset": [0.25, 0.0]}});
+    let mut materials = showing(0);
+    materials[1]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = transform.clone();
+    materials[1]["normalTexture"] = json!({"index": 0, "extensions": transform});
+    let (folder, warnings) = to_obj(&materials, Textures::Copy);
+    assert_eq!(texts(&warnings), [] as [&str; 0]);
+    let loaded = read_path(&folder.path().join("out/a.obj"), &ReadOptions::default()).unwrap();
+    let (mesh, regions) = (&loaded.mesh, loaded.mesh.regions().unwrap());
+    let mut of_wood = 0;
+    for (triangle, &region) in mesh.triangles().iter().zip(regions) {
+        let is_moved = loaded.regions.get(region).unwrap().material == Some(b"material_1");
+        of_wood += usize::from(is_moved);
+        for &wedge in triangle {
+            // Texture coordinates are the positions, from the upper left corner.
+            let [x, y, _] = mesh.positions().view().get(mesh.vertex_of(wedge)).map(|c| c as f32);
+            let wanted = if is_moved { [0.5 * x + 0.25, 1.0 - 0.25 * y] } else { [x, 1.0 - y] };
+            assert_eq!(mesh.uvs().unwrap()[wedge.index()], wanted);
+        }
+    }
+    assert!(of_wood == 2, "{of_wood} faces");
+}
+
 #[test]
 fn properties_that_a_library_cannot_store_are_reported() {
     let materials = json!([
         {"extensions": {"KHR_materials_ior": {}}},
         {
             "pbrMetallicRoughness": {"baseColorTexture": {"index": 3}, "metallicRoughnessTexture": {"index": 0}},
-            "normalTexture": {"index": 0, "scale": 2, "extensions": {"KHR_texture_transform": {}}},
+            "normalTexture": {"index": 0, "scale": 2, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}},
             "occlusionTexture": {"index": 0}, "alphaMode": "BLEND",
             "emissiveTexture": {"index": 0, "texCoord": 1}, "emissiveFactor": [1, 1, 1],
             "extensions": {"KHR_materials_clearcoat": {}, "KHR_materials_emissive_strength": {"emissiveStrength": 4}},

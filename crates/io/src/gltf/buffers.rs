@@ -151,7 +151,7 @@ impl<'a> Buffers<'a> {
 
     fn load(&self, buffer: &Value, index: usize, name: &str) -> Result<Cow<'a, [u8]>, ReadError> {
         match (buffer["uri"].as_str(), self.bin) {
-            (Some(uri), _) => match uri.strip_prefix("data:") {
+            (Some(uri), _) => match inline_data(uri) {
                 Some(data) => data_uri(data, name).map(Cow::Owned),
                 None => self.file(uri, name).map(Cow::Owned),
             },
@@ -173,6 +173,12 @@ impl<'a> Buffers<'a> {
     }
 }
 
+/// Returns a `data:` URI without that prefix, whose case does not matter; `None` for other URIs.
+pub(super) fn inline_data(uri: &str) -> Option<&str> {
+    let (scheme, data) = uri.split_at_checked(5)?;
+    scheme.eq_ignore_ascii_case("data:").then_some(data)
+}
+
 /// Decodes a `data:` URI, given without that prefix.
 pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     // Some programs leave the padding out.
@@ -183,7 +189,7 @@ pub(super) fn data_uri(data: &str, name: &str) -> Result<Vec<u8>, ReadError> {
     let Some((kind, content)) = data.split_once(',') else {
         return Err(ReadError::element(name, "the data uri has no comma before its data"));
     };
-    if kind.ends_with(";base64") {
+    if kind.to_ascii_lowercase().ends_with(";base64") {
         LENIENT.decode(content).map_err(|e| ReadError::element(name, format!("the data uri is damaged: {e}")))
     } else {
         percent_decoded(content)
@@ -228,7 +234,7 @@ pub(crate) fn file_path_of_uri(uri: &str) -> Result<String, &'static str> {
     if text.is_empty() || text.contains('\0') { Err("is not a file name") } else { Ok(text) }
 }
 
-fn percent_decoded(text: &str) -> Option<Vec<u8>> {
+pub(crate) fn percent_decoded(text: &str) -> Option<Vec<u8>> {
     let mut out = Vec::with_capacity(text.len());
     let mut bytes = text.bytes();
     while let Some(b) = bytes.next() {

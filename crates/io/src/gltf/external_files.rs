@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use super::buffers::inline_data;
+
 /// Calls `found` for the URI of each external file.
 pub(super) fn external_uris<'v>(json: &'v Value, found: &mut dyn FnMut(&'v String)) {
     let mut open = vec![(json, 0)];
@@ -59,5 +61,5 @@ pub(super) fn uri_of(name: &[u8]) -> String {
 
 /// Returns true if a URI names a file, not data or a network address.
 pub(super) fn is_file(uri: &str) -> bool {
-    !uri.is_empty() && !uri.starts_with("data:") && !uri.contains("://")
+    !uri.is_empty() && inline_data(uri).is_none() && !uri.contains("://")
 }

@@ -3,19 +3,21 @@
 use std::collections::BTreeMap;
 
 use lodsmith_core::mesh::weld::{Weld, weld_mesh_by};
+use lodsmith_core::model::TextureRef;
 use lodsmith_core::{Attribute, MeshError, Positions, Semantic, TriMesh, VertexId};
 use serde_json::Value;
 
 use super::accessors::{Accessor, Component};
 use super::affine::Affine;
 use super::buffers::Buffers;
-use super::container::{entry, list, whole};
+use super::container::{entry, list, number, whole};
 use super::materials::Run;
 use super::mesh::TYPE_NAMES;
 use super::placements::{PlacedNodes, Placement, check_placed};
 use super::places::{NodePlaces, Places};
 use super::primitive::Primitive;
 use super::skins::SkinAtRest;
+use super::texture_transform::{self, UvTransform};
 use crate::error::{ReadError, Warning};
 use crate::limits::Limits;
 
@@ -161,6 +163,8 @@ struct VertexGroup {
     colors: Option<usize>,
     /// Accessors of joints and of weights, if a skin places the mesh.
     joints: Vec<(usize, usize)>,
+    /// The transform of the textures of its primitives.
+    uv_transform: UvTransform,
     /// Number of vertices.
     vertices: usize,
     primitives: Vec<Primitive>,
@@ -200,11 +204,15 @@ fn plan<'p>(
             let joints = if is_skinned[placement.mesh] { joint_sets(attributes, &name)? } else { Vec::new() };
             let key =
                 (positions, attribute("NORMAL")?, attribute("TEXCOORD_0")?, attribute("COLOR_0")?, joints);
-            let group = match known.get(&key) {
+            let material = number(&primitive["material"]).and_then(|m| list(json, "materials").get(m));
+            let uv_transform = material.map_or(TextureRef::PLAIN, texture_transform::of_material);
+            // Textures that place the same coordinates differently need vertices of their own.
+            let by_texture = (key.clone(), uv_transform.map(|row| row.map(f32::to_bits)));
+            let group = match known.get(&by_texture) {
                 Some(&at) => at,
                 None => {
-                    known.insert(key.clone(), groups.len());
-                    groups.push(group(json, buffers, key, &name)?);
+                    known.insert(by_texture, groups.len());
+                    groups.push(VertexGroup { uv_transform, ..group(json, buffers, key, &name)? });
                     groups.len() - 1
                 }
             };
@@ -276,6 +284,7 @@ fn group(
         uvs,
         colors,
         joints,
+        uv_transform: TextureRef::PLAIN,
         vertices,
         primitives: Vec::new(),
     })
@@ -378,6 +387,7 @@ impl MergedMesh {
             };
             // In glTF, texture coordinates start at the upper left corner of the image.
             more.iter_mut().for_each(|uv| uv[1] = 1.0 - uv[1]);
+            texture_transform::apply(&group.uv_transform, &mut more);
             append(uvs, more);
         }
         if let Some(colors) = &mut self.colors {

@@ -132,7 +132,8 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     }
     let left = placed.iter().filter(|p| !**p).count();
     if left > 0 {
-        warnings.push(Warning::lost(format!("{left} meshes are not placed in the default scene: dropped")));
+        let meshes = lodsmith_core::numbers::counted(left, "mesh is", "meshes are");
+        warnings.push(Warning::lost(format!("{meshes} not placed in the default scene: dropped")));
     }
     (contents, warnings)
 }

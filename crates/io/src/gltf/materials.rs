@@ -7,10 +7,12 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::Write as _;
 
 use lodsmith_core::RegionId;
+use lodsmith_core::model::TextureRef;
 use serde_json::Value;
 
-use super::buffers::{Buffers, data_uri, path_of};
+use super::buffers::{Buffers, data_uri, inline_data, path_of};
 use super::container::{list, number};
+use super::texture_transform::{self, UvTransform};
 use crate::assets::{Assets, Refusal};
 use crate::excerpt::excerpt;
 use crate::material::{GeneratedLibrary, Image, Library, Regions, image_type};
@@ -81,6 +83,8 @@ struct LibraryBuilder<'a, 'b> {
     /// Bytes of all images so far, and their limit: several images can use the same bytes.
     taken: usize,
     room: usize,
+    /// The transform that the texture coordinates of this material have already.
+    applied: UvTransform,
 }
 
 /// Maximum bytes of a path: the library repeats it for every material that uses it. (Guessed.)
@@ -100,6 +104,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
             missing: Vec::new(),
             taken: 0,
             room,
+            applied: TextureRef::PLAIN,
         }
     }
 
@@ -107,6 +112,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
     fn material(&mut self, index: usize, material: &Value) -> String {
         let name = material["name"].as_str().map(clean).filter(|name| !name.is_empty());
         let name = self.names.free(name.unwrap_or_else(|| format!("material_{index}")), "");
+        self.applied = texture_transform::of_material(material);
         let extensions = &material["extensions"];
         let mut surface = &material["pbrMetallicRoughness"];
         let mut words = ["baseColorFactor", "baseColorTexture"];
@@ -192,13 +198,11 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
     /// Returns the file name of a texture; `None` if the texture is left out.
     fn texture(&mut self, slot: &Value, what: &str) -> Option<String> {
         let index = number(&slot["index"])?;
-        let transform = &slot["extensions"]["KHR_texture_transform"];
-        let set = if transform["texCoord"].is_null() { &slot["texCoord"] } else { &transform["texCoord"] };
-        if number(set).is_some_and(|set| set != 0) {
+        if number(texture_transform::set_of(slot)).is_some_and(|set| set != 0) {
             self.leave_out(&format!("{what} with another set of texture coordinates"));
             return None;
         }
-        if !transform.is_null() {
+        if texture_transform::of_texture(slot) != self.applied {
             self.leave_out("KHR_texture_transform");
         }
         let texture = &list(self.json, "textures").get(index)?;
@@ -229,7 +233,7 @@ impl<'a, 'b> LibraryBuilder<'a, 'b> {
         let image = list(self.json, "images").get(index).ok_or("does not exist")?;
         let at = format!("images[{index}]");
         let bytes = match image["uri"].as_str() {
-            Some(uri) => match uri.strip_prefix("data:") {
+            Some(uri) => match inline_data(uri) {
                 Some(data) => data_uri(data, &at).map_err(|e| e.to_string())?,
                 None => {
                     let path = path_of(uri)?;

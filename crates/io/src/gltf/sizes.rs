@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use serde_json::Value;
 
 use super::Scene;
-use super::buffers::{Buffers, data_uri, path_of};
+use super::buffers::{Buffers, data_uri, inline_data, path_of};
 use super::compressed::fallbacks;
 use super::container::{Document, list, number};
 use super::instances;
@@ -82,7 +82,7 @@ fn triangles(json: &Value, primitive: &Value) -> u64 {
 fn image_size(buffers: &Buffers<'_>, image: &Value, index: usize) -> Option<[u32; 2]> {
     let at = format!("images[{index}]");
     if let Some(uri) = image["uri"].as_str() {
-        return match uri.strip_prefix("data:") {
+        return match inline_data(uri) {
             Some(data) => size_of(&data_uri(data, &at).ok()?).ok(),
             None => size_of_file(&mut buffers.assets.find(&path_of(uri).ok()?).ok()?.open().ok()?).ok(),
         };

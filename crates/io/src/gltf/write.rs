@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use lodsmith_core::numbers::counted;
 use lodsmith_core::{Bounds, Positions, TriMesh, VertexId, WedgeId};
 use serde_json::{Value, json};
 
@@ -247,8 +248,8 @@ impl GltfBuilder {
             self.floats(&n);
         }
         if replaced > 0 {
-            warnings
-                .push(Warning::note(format!("{replaced} normals have length zero: written as (0, 0, 1)")));
+            let normals = counted(replaced, "normal has", "normals have");
+            warnings.push(Warning::note(format!("{normals} length zero: written as (0, 0, 1)")));
         }
         self.end()
     }

@@ -10,8 +10,9 @@ use serde_json::Value;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::gltf::Scene;
-use crate::gltf::buffers::{Buffers, data_uri, path_of};
+use crate::gltf::buffers::{Buffers, data_uri, inline_data, path_of};
 use crate::gltf::container::{list, number};
+use crate::gltf::texture_transform::{finite, numbers, transform};
 use crate::material::image_type;
 use crate::model::ImageQueue;
 
@@ -128,29 +129,6 @@ fn texture(json: &Value, slot: &Value, pictures: &mut ImageQueue) -> Option<Text
     Some(TextureRef { image: pictures.register(image), uv_set, transform: transform(moved), sampler })
 }
 
-/// Converts a KHR_texture_transform, with the origin at the upper left corner, to the origin at the lower
-/// left.
-fn transform(moved: &Value) -> [[f32; 3]; 2] {
-    if !moved.is_object() {
-        return TextureRef::PLAIN;
-    }
-    let [x, y] = numbers(&moved["offset"], [0.0; 2]);
-    let [sx, sy] = numbers(&moved["scale"], [1.0; 2]);
-    let (sin, cos) = finite(&moved["rotation"]).unwrap_or(0.0).sin_cos();
-    // From the upper left: u' = a u + b v + x, v' = c u + d v + y. Both v are flipped.
-    let (a, b, c, d) = (cos * sx, sin * sy, -sin * sx, cos * sy);
-    [[a, -b, b + x], [-c, d, 1.0 - d - y]]
-}
-
-fn finite(value: &Value) -> Option<f32> {
-    value.as_f64().map(|x| x as f32).filter(|x| x.is_finite())
-}
-
-fn numbers<const N: usize>(value: &Value, otherwise: [f32; N]) -> [f32; N] {
-    let all: Option<Vec<f32>> = value.as_array().and_then(|all| all.iter().map(finite).collect());
-    all.and_then(|all| all.try_into().ok()).unwrap_or(otherwise)
-}
-
 /// Returns the bytes of an image: from a buffer, from a data URI, or from a file in the folder of the scene.
 pub(super) fn bytes_of<'b>(
     scene: &Scene,
@@ -163,7 +141,7 @@ pub(super) fn bytes_of<'b>(
         let view = number(&image["bufferView"]).ok_or("has neither a uri nor a view")?;
         return buffers.view(view, &at).map(|v| Cow::Borrowed(v.bytes)).map_err(|e| e.to_string());
     };
-    if let Some(data) = uri.strip_prefix("data:") {
+    if let Some(data) = inline_data(uri) {
         return data_uri(data, &at).map(Cow::Owned).map_err(|e| e.to_string());
     }
     let path = path_of(uri)?;
@@ -173,29 +151,4 @@ pub(super) fn bytes_of<'b>(
     let shown = excerpt(uri);
     let file = scene.assets.find(&path).map_err(|refusal| format!("({shown}) {}", refusal.reason()))?;
     file.read(scene.limits.max_bytes()).map(Cow::Owned).map_err(|why| format!("({shown}) {why}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use serde_json::json;
-
-    use super::*;
-
-    #[test]
-    fn transforms_start_at_the_lower_left() {
-        let plain = transform(&json!({}));
-        assert_eq!(plain, TextureRef::PLAIN);
-        // The upper left quarter of the image: from the lower left, v goes from a half to one.
-        let quarter = transform(&json!({"scale": [0.5, 0.5]}));
-        assert_eq!(quarter, [[0.5, 0.0, 0.0], [0.0, 0.5, 0.5]]);
-        // A quarter turn counter-clockwise: (1, 0) from the upper left corner goes to (0, -1).
-        let turned = transform(&json!({"rotation": std::f64::consts::FRAC_PI_2, "offset": [0.0, 1.0]}));
-        let at = |u: f32, v: f32| turned.map(|[a, b, c]| a * u + b * (1.0 - v) + c);
-        let near = |got: [f32; 2], u: f32, v: f32| {
-            assert!((got[0] - u).abs() < 1e-6 && (1.0 - got[1] - v).abs() < 1e-6, "{got:?}");
-        };
-        near(at(0.0, 0.0), 0.0, 1.0);
-        near(at(1.0, 0.0), 0.0, 0.0);
-        near(at(0.0, 1.0), 1.0, 1.0);
-    }
 }
