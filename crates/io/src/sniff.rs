@@ -79,6 +79,17 @@ pub(crate) fn is_binary_stl(bytes: &[u8]) -> bool {
     // Some exporters pad the end; guessed: by at most 1 % of the size or 512 bytes, whichever is larger.
     size == wanted
         || (count > 0 && size > wanted && size - wanted <= (wanted / 100).max(512) && !looks_like_text(bytes))
+        || (count == 0 && has_facets(&bytes[84..]))
+}
+
+/// Returns true if bytes are facets of a binary STL, whose count was left as 0.
+fn has_facets(bytes: &[u8]) -> bool {
+    let (facets, []) = bytes.as_chunks::<50>() else { return false };
+    // Bytes of other formats make numbers of any size. Guessed: no mesh is that large or that fine.
+    let is_likely = |x: f32| x == 0.0 || (1e-20..1e20).contains(&x.abs());
+    let numbers =
+        |facet: &[u8; 50]| facet[12..48].as_chunks().0.iter().all(|b| is_likely(f32::from_le_bytes(*b)));
+    !facets.is_empty() && facets.iter().take(16).all(numbers)
 }
 
 /// Returns true if the first bytes have no control characters except white space.

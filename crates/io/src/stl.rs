@@ -9,6 +9,7 @@ mod write;
 
 use std::io::{self, Write};
 
+use lodsmith_core::numbers::counted;
 use lodsmith_core::{MeshError, Positions, TriMesh};
 
 use crate::error::{ReadError, Warning};
@@ -91,7 +92,14 @@ fn read_binary(bytes: &[u8], progress: &SharedProgress) -> Result<Soup, ReadErro
             "{present} bytes are not an STL file: a binary file has at least {HEADER}, a text file begins with `solid`"
         )));
     };
-    let expected = HEADER as u64 + FACET as u64 * u64::from(count);
+    let mut expected = HEADER as u64 + FACET as u64 * u64::from(count);
+    // Programs that write while they compute may leave the count as 0.
+    let behind = (present - HEADER) / FACET;
+    let is_uncounted = count == 0 && behind > 0 && (present - HEADER).is_multiple_of(FACET);
+    let count = if is_uncounted { u32::try_from(behind).unwrap_or(0) } else { count };
+    if is_uncounted {
+        expected = present as u64;
+    }
     if expected > present as u64 {
         return Err(ReadError::file(format!(
             "the header claims {count} facets, which take {expected} bytes, but the file has {present}: it is cut off, \
@@ -120,9 +128,14 @@ fn read_binary(bytes: &[u8], progress: &SharedProgress) -> Result<Soup, ReadErro
     if attributes != 0 {
         soup.warnings.push(Warning::lost("facet colours (attribute bytes) are not supported: dropped"));
     }
+    if is_uncounted {
+        let facets = counted(behind, "facet is", "facets are");
+        soup.warnings
+            .push(Warning::note(format!("the header claims no facets, but {facets} behind it: read")));
+    }
     if present as u64 > expected {
-        let more = present as u64 - expected;
-        soup.warnings.push(Warning::note(format!("{more} bytes after the last facet are ignored")));
+        let more = counted((present as u64 - expected) as usize, "byte", "bytes");
+        soup.warnings.push(Warning::note(format!("after the last facet: {more}, ignored")));
     }
     Ok(soup)
 }
@@ -152,6 +165,18 @@ mod tests {
         assert_eq!((got.mesh.face_count(), got.mesh.vertex_count()), (2, 4));
         assert_eq!(got.warnings.len(), 1);
         assert!(!got.warnings[0].data_lost);
+    }
+
+    #[test]
+    fn facets_behind_a_count_of_zero_are_read() {
+        let mut bytes = binary("", &TWO);
+        bytes[80..84].fill(0);
+        let got = read(&bytes, &ReadOptions::default()).unwrap();
+        assert_eq!(got.mesh.face_count(), 2);
+        assert!(got.warnings.iter().any(|w| w.text.contains("2 facets are behind it")), "{:?}", got.warnings);
+        // Other bytes are no facets.
+        bytes.push(0);
+        assert!(matches!(read(&bytes, &ReadOptions::default()), Err(ReadError::NoFaces { .. })));
     }
 
     #[test]

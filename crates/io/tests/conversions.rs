@@ -124,7 +124,7 @@ fn a_mesh_becomes_the_scene_that_its_glb_is() {
         "GLB cannot carry objects: dropped",
         "GLB cannot carry id of vertices: dropped",
         "materials dropped: --textures none",
-        "1 normals have length zero",
+        "1 normal has length zero",
         "gone.png",
     ] {
         assert!(texts.contains(said), "{said} is not in {texts}");

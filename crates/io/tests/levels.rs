@@ -108,7 +108,7 @@ fn readers_without_the_extension_see_level_0() {
     let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(loaded.mesh.face_count(), scene.contents().polygons);
     // One mesh was not instantiated before; meshes of levels are not counted with it.
-    let unplaced = "1 meshes are not placed in the default scene: dropped";
+    let unplaced = "1 mesh is not placed in the default scene: dropped";
     assert!(loaded.warnings.iter().any(|w| w.text == unplaced), "{:?}", loaded.warnings);
 }
 

@@ -216,12 +216,22 @@ fn objects_of_other_parts_are_found() {
     let other = model("centimeter", "", &format!("<resources>{}</resources><build/>", object(1, "", PLAIN)));
     let relations = br#"<Relationships><Relationship Target="/3D/first.model" Id="a"
         Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>"#;
-    let bytes =
-        zipped(&[("3D/Objects/other.model", &other), ("_rels/.rels", relations), ("3D/first.model", &first)]);
-    let loaded = read(&bytes).unwrap();
-    assert_eq!(loaded.mesh.face_count(), 8);
-    // Centimetres of the other part, in millimetres.
-    assert_eq!(loaded.mesh.positions().view().bounds().unwrap().max, [100.0; 3]);
+    // Programs encode blanks in the archive, in references, or in both; some have backslashes.
+    for (stored, referred) in [
+        ("3D/Objects/other.model", "/Objects/Other.model"),
+        ("3D/Objects/my other.model", "/Objects/my%20Other.model"),
+        ("3D/Objects/my%20other.model", "/Objects/my other.model"),
+        ("3D\\Objects\\other.model", "/Objects/Other.model"),
+    ] {
+        let first = String::from_utf8(first.clone()).unwrap().replace("/Objects/Other.model", referred);
+        let first = first.replace("/objects/other.model", referred);
+        let bytes =
+            zipped(&[(stored, &other), ("_rels/.rels", relations), ("3D/first.model", first.as_bytes())]);
+        let loaded = read(&bytes).unwrap();
+        assert_eq!(loaded.mesh.face_count(), 8, "{stored}");
+        // Centimetres of the other part, in millimetres.
+        assert_eq!(loaded.mesh.positions().view().bounds().unwrap().max, [100.0; 3]);
+    }
 }
 
 #[test]

@@ -272,7 +272,7 @@ fn losses_are_named() {
         [
             "animations are not carried: only glTF and GLB keep them",
             "extensions KHR_materials_clearcoat are not carried: only glTF and GLB keep them",
-            "1 nodes flatten their content, which 3MF advises against: left out",
+            "1 node flattens its content, which 3MF advises against: left out",
             "3MF cannot carry normal maps: dropped",
         ]
     );

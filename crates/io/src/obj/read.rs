@@ -655,7 +655,7 @@ mod tests {
     fn colors_stand_behind_positions() {
         let got = read_text("v 0 0 0 1 0 0\nv 1 0 0 0 0.5 0 0.25\nv 0 1 0 1\nf 1 2 3\n").unwrap();
         assert_eq!(got.mesh.colors().unwrap(), [[1.0, 0.0, 0.0, 1.0], [0.0, 0.5, 0.0, 0.25], [1.0; 4]]);
-        assert_eq!(got.warnings[0].text, "1 vertices without a colour: made white");
+        assert_eq!(got.warnings[0].text, "1 vertex without a colour: made white");
         let got = read_text("v 0 0 0 255 0 0\nv 1 0 0 0 51 0\nv 0 1 0 0 0 0\nf 1 2 3\n").unwrap();
         assert_eq!(got.mesh.colors().unwrap()[1], [0.0, 0.2, 0.0, 1.0]);
         let got = read_text("v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n").unwrap();

@@ -1,5 +1,6 @@
 //! Parser of OFF files.
 
+use lodsmith_core::numbers::counted;
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{Positions, TriMesh, VertexId};
 
@@ -279,17 +280,20 @@ fn finish(
     let mut warnings = Vec::new();
     if notes.long_vertices > 0 {
         let text = format!(
-            "{} vertices with more numbers than the header declares: the rest was skipped",
-            notes.long_vertices
+            "{} with more numbers than the header declares: the rest was skipped",
+            counted(notes.long_vertices, "vertex", "vertices")
         );
         warnings.push(Warning::lost(text));
     }
     if notes.colored_faces > 0 {
-        warnings.push(Warning::note(format!("colours of {} faces: skipped", notes.colored_faces)));
+        warnings.push(Warning::note(format!(
+            "colours of {}: skipped",
+            counted(notes.colored_faces, "face", "faces")
+        )));
     }
     if notes.small_faces > 0 {
-        let text = format!("{} faces of fewer than three corners: dropped", notes.small_faces);
-        warnings.push(Warning::note(text));
+        let faces = counted(notes.small_faces, "face", "faces");
+        warnings.push(Warning::note(format!("{faces} of fewer than three corners: dropped")));
     }
     unit_normals(&mut vertices.normals);
     unit_colors(&mut vertices.colors);
@@ -365,7 +369,7 @@ mod tests {
     fn numbers_after_a_face_are_its_colour() {
         let got = read_text("OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n2 0 1\n");
         assert_eq!((got.mesh.face_count(), got.contents.polygons), (2, 1));
-        assert_eq!(got.warnings[0].text, "colours of 1 faces: skipped");
-        assert_eq!(got.warnings[1].text, "1 faces of fewer than three corners: dropped");
+        assert_eq!(got.warnings[0].text, "colours of 1 face: skipped");
+        assert_eq!(got.warnings[1].text, "1 face of fewer than three corners: dropped");
     }
 }

@@ -10,6 +10,7 @@ use zip::result::ZipError;
 use super::model::{attribute, parse_events};
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
+use crate::gltf::percent_decoded;
 use crate::limits::Limits;
 use crate::lines::utf8_of;
 
@@ -94,8 +95,11 @@ impl<'a> Package<'a> {
     }
 }
 
-/// Returns the name of a part without its leading slash, in lower case.
+/// Returns the name of a part without its leading slash, in lower case, with blanks for `%20` and slashes for
+/// backslashes: programs differ in whether they encode the names in the archive, in references to them, or both.
 pub(super) fn name_of(path: &str) -> String {
+    let decoded = percent_decoded(path).and_then(|bytes| String::from_utf8(bytes).ok());
+    let path = decoded.unwrap_or_else(|| path.to_owned()).replace('\\', "/");
     path.trim_start_matches('/').to_ascii_lowercase()
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::io::{self, Write};
 
 use lodsmith_core::TriMesh;
+use lodsmith_core::numbers::counted;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
@@ -67,9 +68,8 @@ pub(super) fn write_scene(
     let placed = Assemblies::new(&model, |i| mesh_of(i).face_count() > 0);
     warnings.extend(scene.lost_beside_nodes());
     if placed.flattened > 0 {
-        let n = placed.flattened;
-        let text = format!("{n} nodes flatten their content, which 3MF advises against: left out");
-        warnings.push(Warning::lost(text));
+        let nodes = counted(placed.flattened, "node flattens its", "nodes flatten their");
+        warnings.push(Warning::lost(format!("{nodes} content, which 3MF advises against: left out")));
     }
     let is_emptied = |&i: &usize| scene.meshes()[i].mesh.face_count() > 0 && mesh_of(i).face_count() == 0;
     let emptied: Vec<usize> = (0..scene.meshes().len()).filter(is_emptied).collect();
@@ -166,9 +166,10 @@ fn write_objects(
     }
     zip.finish().map_err(io::Error::from)?;
     if skipped > 0 {
-        let text =
-            format!("{skipped} triangles have the same vertex twice, which 3MF does not allow: left out");
-        warnings.push(Warning::lost(text));
+        let triangles = counted(skipped, "triangle has", "triangles have");
+        warnings.push(Warning::lost(format!(
+            "{triangles} the same vertex twice, which 3MF does not allow: left out"
+        )));
     }
     Ok((warnings, document.sizes(placed.meshes())))
 }

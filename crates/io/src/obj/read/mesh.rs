@@ -1,6 +1,7 @@
 //! From the parsed contents of an OBJ file to a mesh.
 
 use lodsmith_core::mesh::MeshError;
+use lodsmith_core::numbers::counted;
 use lodsmith_core::polygon::Triangulator;
 use lodsmith_core::{TriMesh, VertexId};
 
@@ -73,7 +74,10 @@ impl Section {
             let bare = vertex_count - self.notes.colored;
             self.colors.resize(vertex_count, NO_COLOR);
             if bare > 0 {
-                warnings.push(Warning::note(format!("{bare} vertices without a colour: made white")));
+                warnings.push(Warning::note(format!(
+                    "{} without a colour: made white",
+                    counted(bare, "vertex", "vertices")
+                )));
             }
             if unit_colors(&mut self.colors) {
                 warnings.push(Warning::note("colours range up to 255: divided by 255"));
@@ -93,7 +97,8 @@ impl Section {
             for (buffer, what) in [(&uv_of, "texture coordinates"), (&normal_of, "a normal")] {
                 let bare = buffer.iter().flatten().filter(|&&i| i == NONE).count();
                 if bare > 0 {
-                    warnings.push(Warning::note(format!("{bare} corners without {what}: filled with zeros")));
+                    let corners = counted(bare, "corner", "corners");
+                    warnings.push(Warning::note(format!("{corners} without {what}: filled with zeros")));
                 }
             }
             let indices = |kind: usize, buffer| match self.storage[kind] {
