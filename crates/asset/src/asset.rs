@@ -11,7 +11,7 @@ use lodsmith_core::{Positions, Semantic, TriMesh};
 use lodsmith_io::gltf::{PlacedMesh, Scene, SceneMesh, placed_meshes};
 use lodsmith_io::{Contents, Format, Loaded, ModelFile, ModelSource, ReadOptions, Sizes, Warning};
 
-use crate::baking::{SideFile, drop_color_warnings, write_files};
+use crate::baking::{MovedIntoMaps, SideFile, write_files};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::AssetError;
@@ -63,8 +63,8 @@ pub struct Edit {
     pub files: Vec<SideFile>,
     /// True if maps were baked.
     pub is_baked: bool,
-    /// True if vertex colours are in a map.
-    pub has_color_map: bool,
+    /// What is in the maps in place of the meshes.
+    pub moved: MovedIntoMaps,
 }
 
 /// The meshes that a run simplified, by index, and its report.
@@ -483,9 +483,7 @@ impl Asset {
             }
         };
         let mut written = write_scene(scene, &self.head.source, edit.meshes, edit.is_baked, to, job)?;
-        if edit.has_color_map {
-            drop_color_warnings(&mut written.warnings);
-        }
+        edit.moved.drop_warnings(&mut written.warnings);
         write_files(&edit.files, "", to, job)?;
         Ok(written)
     }

@@ -62,7 +62,7 @@ pub fn bake(
         scene: Some(Box::new(scene)),
         files: std::mem::take(&mut baked.files),
         is_baked: true,
-        has_color_map: baking.has_color(),
+        moved: baking.moved(),
     };
     warnings.extend(asset.write(edit, to, job)?.warnings);
     Ok(BakeOutcome { faces, summary: baked.summary(), baked: baked.report, warnings, clock: job.times() })

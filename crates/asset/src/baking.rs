@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use lodsmith_bake::{BakeError, BakeOptions, BakedMap, BakedSet, MapKind};
+use lodsmith_bake::{AtlasMode, BakeError, BakeOptions, BakedMap, BakedSet, MapKind};
 use lodsmith_core::numbers::significant;
 use lodsmith_core::{Model, TriMesh};
 use lodsmith_io::Warning;
@@ -47,10 +47,24 @@ pub struct BakedScene {
     pub is_new_atlas: bool,
 }
 
+/// What maps have in place of the meshes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MovedIntoMaps {
+    /// Colours of vertices.
+    colors: bool,
+    /// Materials: all faces have one material.
+    materials: bool,
+}
+
 impl Baking {
     /// True if base colours are baked.
     pub(crate) fn has_color(&self) -> bool {
         self.options.maps.contains(&MapKind::Color)
+    }
+
+    /// Returns what is in the maps in place of the meshes.
+    pub(crate) fn moved(&self) -> MovedIntoMaps {
+        MovedIntoMaps { colors: self.has_color(), materials: self.options.atlas == AtlasMode::New }
     }
 
     /// Bakes maps of a low-poly model from a high-poly model, and adds materials with these maps to the scene of the
@@ -179,7 +193,15 @@ fn map_path(sink: &Sink, end: &str) -> Result<PathBuf, AssetError> {
     Ok(path.with_file_name(format!("{stem}{end}")))
 }
 
-/// Removes the warnings about lost vertex colours, which are in a map now.
-pub(crate) fn drop_color_warnings(warnings: &mut Vec<Warning>) {
-    warnings.retain(|w| !w.text.ends_with("no longer has its COLOR_0"));
+impl MovedIntoMaps {
+    /// Removes the warnings of writing about what is not lost, because maps have it.
+    pub(crate) fn drop_warnings(self, warnings: &mut Vec<Warning>) {
+        let is_moved = |text: &str| {
+            (self.colors && text.ends_with("no longer has its COLOR_0"))
+                || (self.materials && text.ends_with("has no faces left: removed, with its material"))
+                || (self.materials
+                    && text.contains("primitives have no faces left: removed, with their materials"))
+        };
+        warnings.retain(|w| !is_moved(&w.text));
+    }
 }

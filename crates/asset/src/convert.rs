@@ -49,6 +49,10 @@ pub fn convert(
         None => asset.counts()[0],
     };
     let mut warnings = asset.warnings().to_vec();
+    if faces == 0 {
+        // Meshes without faces are refused; a scene may be meant for its cameras or animations.
+        warnings.push(Warning::lost("the scene has no faces, so the output has none"));
+    }
     let input_format = asset.format();
     let mut written = asset.write(Edit::default(), to, job)?;
     warnings.append(&mut written.warnings);

@@ -56,7 +56,7 @@ pub mod warnings;
 
 pub use asset::{Asset, Chain, Edit, SimplifiedMeshes};
 pub use bake::{BakeOutcome, bake};
-pub use baking::{BakedScene, Baking, SideFile};
+pub use baking::{BakedScene, Baking, MovedIntoMaps, SideFile};
 pub use clean::{CleanOutcome, clean};
 pub use constraints::{Importance, PartNames};
 pub use convert::{ConvertOutcome, convert};

@@ -12,7 +12,7 @@ use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
 pub use outputs::{LevelOutputs, Naming};
 
 use crate::asset::{Asset, Chain, Edit};
-use crate::baking::{Baking, drop_color_warnings, write_files};
+use crate::baking::{Baking, MovedIntoMaps, write_files};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::AssetError;
@@ -252,9 +252,7 @@ impl ChainWriter<'_> {
                 levels.materials = baked.materials;
                 let mut made = to.write_levels(scene, &levels, &|uri| folder_move.uri(uri), job)?;
                 made.warnings.splice(0..0, warnings);
-                if self.has_color_map() {
-                    drop_color_warnings(&mut made.warnings);
-                }
+                self.moved().drop_warnings(&mut made.warnings);
                 for (level, files) in baked.files.iter().enumerate() {
                     let mark = format!("{}{}", naming.mark(), level + 1);
                     write_files(files, if baked.is_shared { "" } else { &mark }, to, job)?;
@@ -277,8 +275,8 @@ impl ChainWriter<'_> {
         }
     }
 
-    fn has_color_map(&self) -> bool {
-        self.recipe.baking.as_ref().is_some_and(Baking::has_color)
+    fn moved(&self) -> MovedIntoMaps {
+        self.recipe.baking.as_ref().map(Baking::moved).unwrap_or_default()
     }
 
     /// Returns the changes of the asset that make a level.
@@ -293,7 +291,7 @@ impl ChainWriter<'_> {
             scene.drop_unused_materials();
             edit.files = baked_level.and_then(|k| baked.files.get(k)).cloned().unwrap_or_default();
             edit.scene = Some(Box::new(scene));
-            (edit.is_baked, edit.has_color_map) = (true, self.has_color_map());
+            (edit.is_baked, edit.moved) = (true, self.moved());
         }
         edit
     }

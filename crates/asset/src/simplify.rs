@@ -135,7 +135,7 @@ impl Edit {
         scene.drop_unused_materials();
         self.files = std::mem::take(&mut baked.files);
         self.scene = Some(Box::new(scene));
-        (self.is_baked, self.has_color_map) = (true, baking.has_color());
+        (self.is_baked, self.moved) = (true, baking.moved());
         Ok(baked)
     }
 }

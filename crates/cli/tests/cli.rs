@@ -224,6 +224,31 @@ fn dropped_attributes_are_warnings_and_errors_with_strict() {
     assert_eq!(sandbox.faces("low.stl"), 12, "the result is written all the same");
 }
 
+/// Positions that are not finite are named wherever they are removed, and count as a loss.
+#[test]
+fn faces_that_are_not_finite_are_named() {
+    let sandbox = CliSandbox::new();
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv nan 2 0\nf 1 2 3\nf 1 3 4\nf 4 3 5\n";
+    sandbox.put("nan.obj", text);
+    for job in ["convert nan.obj out.glb", "convert nan.obj out.ply", "simplify nan.obj -o out.ply --ratio 1"]
+    {
+        let outcome = sandbox.run(&format!("{job} --strict --force")).with_status(3).with_one_error();
+        assert!(outcome.stderr.contains("not finite"), "{}", outcome.stderr);
+    }
+    assert_eq!(sandbox.faces("out.ply"), 2);
+}
+
+#[test]
+fn a_scene_without_faces_is_a_loss() {
+    let sandbox = CliSandbox::new();
+    let empty =
+        r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": "a"}]}"#;
+    sandbox.put("empty.gltf", empty);
+    sandbox.run("convert empty.gltf out.glb").with_status(0);
+    let outcome = sandbox.run("convert empty.gltf out.glb --strict --force").with_status(3).with_one_error();
+    assert!(outcome.stderr.contains("no faces"), "{}", outcome.stderr);
+}
+
 #[test]
 fn attributes_are_kept() {
     let sandbox = CliSandbox::new();

@@ -409,8 +409,7 @@ fn several_buffers_become_one() {
     let uri = scenes::data_uri(&bin);
     // The case of a scheme does not matter.
     let capital = uri.replacen("data:", "DATA:", 1);
-    json["buffers"] =
-        json!([{"byteLength": bin.len(), "uri": uri}, {"byteLength": bin.len(), "uri": capital, "name": "b"}]);
+    json["buffers"] = json!([{"byteLength": bin.len(), "uri": uri}, {"byteLength": bin.len(), "uri": capital, "name": "b"}]);
     for view in json["bufferViews"].as_array_mut().unwrap().iter_mut() {
         if view["byteOffset"].as_u64().unwrap() as usize >= at {
             view["buffer"] = 1.into();

@@ -163,7 +163,7 @@ fn transforms_of_textures_move_the_coordinates() {
     let (mesh, regions) = (&loaded.mesh, loaded.mesh.regions().unwrap());
     let mut of_wood = 0;
     for (triangle, &region) in mesh.triangles().iter().zip(regions) {
-        let is_moved = loaded.regions.get(region).unwrap().material == Some(b"material_1");
+        let is_moved = loaded.regions.get(region).unwrap().material == Some(&b"material_1"[..]);
         of_wood += usize::from(is_moved);
         for &wedge in triangle {
             // Texture coordinates are the positions, from the upper left corner.
