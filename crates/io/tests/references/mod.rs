@@ -10,7 +10,7 @@ use std::sync::Arc;
 use lodsmith_core::TriMesh;
 use lodsmith_core::model::Material;
 use lodsmith_io::gltf::{
-    Compression, NewMaterial, Packing, Scene, SceneFormat, SceneLevels, SlotImage, TextureSlot,
+    Compression, CopyPlace, NewMaterial, Packing, Scene, SceneFormat, SceneLevels, SlotImage, TextureSlot,
 };
 use lodsmith_io::{Format, ReadOptions, Warning};
 use serde_json::{Value, json};
@@ -330,4 +330,107 @@ fn references_in_extensions_name_the_same_or_are_counted_as_lost() {
     let everywhere: BTreeSet<&str> = kept.iter().map(|(name, _)| *name).collect();
     let count = |name: &&&str| JOBS.iter().all(|(letter, _)| kept.contains(&(**name, *letter)));
     assert!(everywhere.iter().filter(count).count() >= 25, "{everywhere:?}");
+}
+
+/// Returns the JSON of a written scene, after a change of the base.
+fn written(change: impl Fn(&mut Value), job: fn(&mut Scene) -> (Vec<u8>, Vec<Warning>)) -> Value {
+    let (mut json, pack) = base();
+    json["animations"][0]["channels"].as_array_mut().unwrap().pop();
+    change(&mut json);
+    let mut scene = Scene::read(&glb(&json, &pack.bin), &ReadOptions::default()).unwrap();
+    split(&job(&mut scene).0).0
+}
+
+#[test]
+fn a_shape_of_a_body_keeps_its_coordinates() {
+    let shape = |json: &mut Value| {
+        json["extensions"]["OMI_physics_shape"] = json!({"shapes": [{"trimesh": {"mesh": 1}}]});
+        json["nodes"][2]["extensions"]["KHR_physics_rigid_bodies"] =
+            json!({"collider": {"geometry": {"node": 4}}});
+    };
+    let component = |json: &Value, mesh: usize| {
+        let accessor =
+            json["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize;
+        json["accessors"][accessor]["componentType"].as_u64().unwrap()
+    };
+    const FLOAT: u64 = 5126;
+    let json = written(shape, quantize);
+    assert_eq!([0, 1, 2].map(|mesh| component(&json, mesh) == FLOAT), [false, true, true]);
+    let json = written(|_| (), quantize);
+    assert_eq!([0, 1, 2].map(|mesh| component(&json, mesh) == FLOAT), [false; 3]);
+}
+
+#[test]
+fn a_node_that_a_pointer_moves_keeps_its_transform() {
+    let change = |json: &mut Value| {
+        // Without names, the transforms of nodes may contain the grid.
+        for node in [0, 1] {
+            json["nodes"][node].as_object_mut().unwrap().remove("name");
+        }
+        let target = json!({"path": "pointer",
+            "extensions": {"KHR_animation_pointer": {"pointer": "/nodes/0/translation"}}});
+        json["animations"][0]["channels"] = json!([{"sampler": 0, "target": target}]);
+    };
+    let json = written(change, quantize);
+    assert!(json["nodes"][0]["mesh"].is_null() && json["nodes"][0]["scale"].is_null(), "{json:#}");
+    assert_eq!(json["nodes"][1]["mesh"], 1);
+    assert!(!json["nodes"][1]["scale"].is_null());
+}
+
+#[test]
+fn instances_move_with_their_features_to_the_levels() {
+    let change = |json: &mut Value| {
+        let places = index(json, "accessors", "places").unwrap();
+        json["nodes"][1]["extensions"] = json!({
+            "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}},
+            "EXT_instance_features": {"featureIds": [{"featureCount": 2}]},
+        });
+        json["nodes"][2]["extensions"] =
+            json!({"VRMC_node_constraint": {"constraint": {"roll": {"source": 1}}}});
+    };
+    let json = written(change, levels);
+    let main = &json["nodes"][1];
+    assert!(main["extensions"].is_null() && main["mesh"].is_null(), "{json:#}");
+    let host = &json["nodes"][main["children"][0].as_u64().unwrap() as usize];
+    let mut all = vec![host];
+    let ids = host["extensions"]["MSFT_lod"]["ids"].as_array().unwrap().iter();
+    all.extend(ids.map(|id| &json["nodes"][id.as_u64().unwrap() as usize]));
+    assert_eq!(all.len(), 3);
+    for node in all {
+        for name in ["EXT_mesh_gpu_instancing", "EXT_instance_features"] {
+            assert!(!node["extensions"][name].is_null(), "{name}: {json:#}");
+        }
+    }
+}
+
+#[test]
+fn copies_of_nodes_refer_to_the_copies() {
+    let (mut json, pack) = base();
+    json["nodes"][2]["extensions"] = json!({"VRMC_node_constraint": {"constraint": {"roll": {"source": 1}}}});
+    json["animations"][0]["channels"][1] = json!({"sampler": 0, "target": {"path": "pointer",
+        "extensions": {"KHR_animation_pointer": {"pointer": "/nodes/3/translation"}}}});
+    let scene = Scene::read(&glb(&json, &pack.bin), &ReadOptions::default()).unwrap();
+    let place = |name: &str| CopyPlace {
+        name: name.to_owned(),
+        translation: [0.0; 3],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        scale: 1.0,
+    };
+    let copies = scene.with_copies(&[place("a"), place("b")]).unwrap();
+    let json = split(&write(&copies, &[], Packing::default()).0).0;
+    let all = |name: &str| -> Vec<usize> {
+        let nodes = json["nodes"].as_array().unwrap().iter().enumerate();
+        nodes.filter(|(_, node)| node["name"] == name).map(|(i, _)| i).collect()
+    };
+    let source = |bone: &usize| {
+        let constraint = &json["nodes"][*bone]["extensions"]["VRMC_node_constraint"]["constraint"];
+        constraint["roll"]["source"].as_u64().unwrap() as usize
+    };
+    assert_eq!(all("bone").iter().map(source).collect::<Vec<_>>(), all("main"));
+    let channels = json["animations"][0]["channels"].as_array().unwrap().iter();
+    let pointers: Vec<&str> = channels
+        .filter_map(|c| c["target"]["extensions"]["KHR_animation_pointer"]["pointer"].as_str())
+        .collect();
+    let expected: Vec<String> = all("tip").iter().map(|n| format!("/nodes/{n}/translation")).collect();
+    assert_eq!((pointers.len(), pointers), (2, expected.iter().map(String::as_str).collect()));
 }
