@@ -50,6 +50,7 @@ rm -rf "$dist"
 mkdir -p "$dist/wasm"
 module lodsmith ''
 module lodsmith_files formats
+cp -r bindings/js/lib/node "$dist"
 cp bindings/js/lib/*.js bindings/js/lib/*.d.ts bindings/js/package.json LICENSE-MIT LICENSE-APACHE "$dist"
 cp bindings/js/README.md "$dist/README.md"
 node bindings/js/options_types.mjs "$dist"

@@ -6,7 +6,7 @@ import { resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
 
 const dist = resolve(process.argv[2]);
-const { options, ready } = await import(pathToFileURL(`${dist}/index.js`).href);
+const { options, ready } = await import(pathToFileURL(`${dist}/node/index.js`).href);
 await ready;
 const files = await import(pathToFileURL(`${dist}/wasm/lodsmith_files.js`).href);
 await files.default({ module_or_path: await readFile(`${dist}/wasm/lodsmith_files_bg.wasm`) });

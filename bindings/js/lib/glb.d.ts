@@ -6,7 +6,7 @@ export function load(): Promise<void>;
 
 /** Options of a run. */
 export interface GlbOptions extends FileOptions {
-  /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
+  /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false` or throws. */
   onProgress?: (done: number, stage: string) => boolean | void;
 }
 

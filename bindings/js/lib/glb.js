@@ -1,6 +1,7 @@
 // Simplification of whole GLB files. The documentation is in glb.d.ts.
 import init, * as engine from './wasm/lodsmith_files.js';
 import { source } from './load.js';
+import { withProgress } from './progress.js';
 
 let loading;
 
@@ -14,7 +15,6 @@ export function load() {
 
 export async function simplifyGlb(bytes, options) {
   await load();
-  const { onProgress, ...rest } = options ?? {};
   const view = bytes instanceof Uint8Array ? bytes : new Uint8Array(bytes);
-  return engine.simplifyGlb(view, rest, onProgress);
+  return withProgress(options, (rest, onProgress) => engine.simplifyGlb(view, rest, onProgress));
 }

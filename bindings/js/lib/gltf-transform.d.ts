@@ -12,6 +12,7 @@ export interface LodsmithOptions extends Omit<SimplifyOptions, 'locked' | 'impor
 
 /**
  * Returns a transform that simplifies all meshes of the default scene with one target for all. Normals, texture
- * coordinates, colours, tangents, skins, morph targets and custom attributes are kept, in their types.
+ * coordinates, colours, tangents, skins, morph targets and custom attributes are kept, in their types. The logger of the
+ * document names lost data.
  */
 export function lodsmith(options: LodsmithOptions): Transform;

@@ -24,11 +24,12 @@ export function lodsmith(options) {
     if (taken.length === 0) return;
     const { min, max } = scene ? getBounds(scene) : { min: [0, 0, 0], max: [0, 0, 0] };
     const diagonal = Math.hypot(...max.map((x, k) => x - min[k]));
-    const { meshes, report } = simplifyScene(
+    const { meshes, report, warnings } = simplifyScene(
       { meshes: taken.map((mesh) => mesh.given), diagonal: Number.isFinite(diagonal) ? diagonal : 0 },
       rest,
     );
     meshes.forEach((result, i) => replace(document, taken[i], result));
+    for (const text of warnings) document.getLogger().warn(`lodsmith: ${text}`);
     document.getLogger().debug(`lodsmith: ${report.input.faces} to ${report.output.faces} triangles`);
     onReport?.(report);
   };

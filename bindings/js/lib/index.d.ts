@@ -5,7 +5,7 @@ export type { EngineOptions } from './options.js';
 export type { Report } from './report.js';
 export { LodsmithSimplifier } from './simplifier.js';
 
-/** Resolves when the WebAssembly module is loaded. Other functions of this file must not be called before. */
+/** Resolves when the WebAssembly module is loaded. Before, other functions of this file throw an error. */
 export const ready: Promise<void>;
 
 /** Integers of any size for indices. */
@@ -45,7 +45,8 @@ export interface Mesh {
 
 /** The result of a run: the arrays of the mesh, in the same types, with fewer rows. */
 export interface SimplifiedMesh extends Mesh {
-  indices: Uint32Array;
+  /** In the type of those of the input if it is large enough, else `Uint32Array`. */
+  indices: IndexArray;
   attributes?: Record<string, Attribute>;
 }
 
@@ -57,7 +58,10 @@ export interface SimplifyOptions extends EngineOptions {
   importance?: Float32Array;
   /** For each vertex, its share of the limit `error`, from 0 (keep the vertex) to 1. */
   errorMap?: Float32Array;
-  /** Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false`. */
+  /**
+   * Called with the progress of each stage from 0 to 1; the run is cancelled if it returns `false` or throws. Its exception
+   * is thrown by the run.
+   */
   onProgress?: (done: number, stage: string) => boolean | void;
 }
 
@@ -85,16 +89,28 @@ export interface MeshCounts {
  * Returns a simplified copy of a mesh.
  *
  * Vertices at equal positions count as one vertex; if their attributes differ, they are a seam, which keeps its line.
- * @throws {TypeError} for an option that does not exist, or an array of the wrong type.
+ * `warnings` of the result name lost data: faces with positions that are NaN or infinite, and attributes without use.
+ * @throws {TypeError} for an option or an array that does not exist, or an array of the wrong type.
  * @throws {RangeError} for an invalid value, or arrays that are not a mesh.
  */
-export function simplifyMesh(mesh: Mesh, options: SimplifyOptions): SimplifiedMesh & { report: Report };
+export function simplifyMesh(mesh: Mesh, options: SimplifyOptions): MeshResult;
+
+/** A simplified mesh, the report of the run, and the data that were lost. */
+export type MeshResult = SimplifiedMesh & { report: Report; warnings: string[] };
+
+/** Simplified meshes, the report of the run, and the data that were lost. */
+export interface SceneResult {
+  meshes: SimplifiedMesh[];
+  counts: MeshCounts[];
+  report: Report;
+  warnings: string[];
+}
 
 /** Returns simplified copies of meshes, with one target for all. */
 export function simplifyScene(
   scene: { meshes: ScenePart[]; /** Of the bounding box of all instances. */ diagonal?: number },
   options: SimplifyOptions,
-): { meshes: SimplifiedMesh[]; counts: MeshCounts[]; report: Report };
+): SceneResult;
 
 /** An option of a run. */
 export interface OptionRow {

@@ -1,10 +1,7 @@
-// The WebAssembly module for meshes, which is loaded once.
-import init from './wasm/lodsmith.js';
-import { source } from './load.js';
+// Loads the WebAssembly module for meshes as soon as this file is imported.
+import { load } from './core.js';
 
-/** Loads the module; its functions may be called afterwards. */
-export const ready = source(new URL('./wasm/lodsmith_bg.wasm', import.meta.url)).then(async (from) => {
-  await init({ module_or_path: from });
-});
+/** Resolves when functions of the module may be called. */
+export const ready = load();
 // Whoever waits for it gets the error; nobody else needs to be told.
 ready.catch(() => {});

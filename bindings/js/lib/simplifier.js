@@ -1,6 +1,6 @@
 // An object with the functions of MeshoptSimplifier. The documentation is in simplifier.d.ts.
+import { core } from './core.js';
 import { ready } from './ready.js';
-import { simplifyIndices, updateIndices } from './wasm/lodsmith.js';
 
 const FLAGS = {
   LockBorder: 1,
@@ -50,14 +50,14 @@ export const LodsmithSimplifier = {
 
   simplify(indices, positions, positionStride, targetIndexCount, targetError, flags) {
     target(targetIndexCount, targetError, indices);
-    return simplifyIndices({ indices, positions, positionStride, targetIndexCount, targetError, flags: bits(flags) });
+    return core().simplifyIndices({ indices, positions, positionStride, targetIndexCount, targetError, flags: bits(flags) });
   },
 
   simplifyWithAttributes(
     indices, positions, positionStride, attributes, attributeStride, weights, locks, targetIndexCount, targetError, flags,
   ) {
     target(targetIndexCount, targetError, indices);
-    return simplifyIndices({
+    return core().simplifyIndices({
       indices, positions, positionStride, ...attributeRows(attributes, attributeStride, weights), locks,
       targetIndexCount, targetError, flags: bits(flags),
     });
@@ -67,7 +67,7 @@ export const LodsmithSimplifier = {
     indices, positions, positionStride, attributes, attributeStride, weights, locks, targetIndexCount, targetError, flags,
   ) {
     target(targetIndexCount, targetError, indices);
-    const [left, error, newPositions, newAttributes] = updateIndices({
+    const [left, error, newPositions, newAttributes] = core().updateIndices({
       indices, positions, positionStride, ...attributeRows(attributes, attributeStride, weights), locks,
       targetIndexCount, targetError, flags: bits(flags),
     });

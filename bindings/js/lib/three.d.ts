@@ -11,6 +11,7 @@ export interface GeometryOptions extends SimplifyOptions {
 }
 
 /**
- * Returns a simplified copy of a geometry, with its attributes, groups and morph targets. Await `ready` first.
+ * Returns a simplified copy of a geometry, with its attributes, groups and morph targets. Await `ready` first. Lost data,
+ * such as faces with invalid positions, are named on the console.
  */
 export function simplifyGeometry(geometry: BufferGeometry, options: GeometryOptions): BufferGeometry;

@@ -41,6 +41,7 @@ export function simplifyGeometry(geometry, options) {
   takeMorphs(geometry, result, lighter);
   if (geometry.boundingBox) lighter.computeBoundingBox();
   if (geometry.boundingSphere) lighter.computeBoundingSphere();
+  for (const text of result.warnings) console.warn(`lodsmith: ${text}`);
   onReport?.(result.report);
   return lighter;
 }

@@ -1,9 +1,12 @@
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { options, ready, simplifyMesh, simplifyScene } from 'lodsmith';
 import { command, simplifyFile } from './command.mjs';
 import { bumpyBall, openEdges, ply, readPly } from './shapes.mjs';
 
+const here = fileURLToPath(new URL('.', import.meta.url));
 before(() => ready);
 
 test('a mesh keeps its attributes, in their types', () => {
@@ -32,8 +35,14 @@ test('positions keep double precision, and indices may have any integer type', (
   const { positions, indices } = bumpyBall(16);
   const plain = simplifyMesh({ positions, indices }, { faces: 100 });
   for (const type of [Uint16Array, Int32Array, Int16Array]) {
-    assert.deepEqual(simplifyMesh({ positions, indices: type.from(indices) }, { faces: 100 }), plain);
+    // The result has the same type.
+    const small = simplifyMesh({ positions, indices: type.from(indices) }, { faces: 100 });
+    assert.deepEqual(small, { ...plain, indices: type.from(plain.indices) });
   }
+  const bytes = { positions: positions.slice(0, 3 * 51), indices: Uint8Array.from(indices.filter((_, i) => i < 96)) };
+  assert.ok(simplifyMesh(bytes, { faces: 20 }).indices instanceof Uint8Array);
+  const [part] = simplifyScene({ meshes: [{ positions, indices: Uint16Array.from(indices) }] }, { faces: 100 }).meshes;
+  assert.ok(part.indices instanceof Uint16Array && part.indices.length === 300);
   const soup = Float32Array.from(Array.from(indices).flatMap((i) => Array.from(positions.subarray(3 * i, 3 * i + 3))));
   assert.equal(simplifyMesh({ positions: soup }, { faces: 100 }).indices.length, 300);
   const double = simplifyMesh({ positions: Float64Array.from(positions), indices }, { faces: 100 });
@@ -81,6 +90,11 @@ test('wrong options and arrays are named', () => {
   fails(ball, { ratio: 0.5, maxNormal: 'x' }, RangeError, /^maxNormal: /);
   fails(ball, undefined, RangeError, /./);
   fails({}, { ratio: 0.5 }, TypeError, /^positions: /);
+  fails({ ...ball, normal: ball.normals }, { ratio: 0.5 }, TypeError, /^a mesh has no normal: it is called normals$/);
+  fails({ ...ball, uv: ball.uvs }, { ratio: 0.5 }, TypeError, /it is called uvs$/);
+  fails({ ...ball, heat: ball.uvs }, { ratio: 0.5 }, TypeError, /^a mesh has no heat: other attributes belong into attributes$/);
+  fails({ ...ball, instances: 2 }, { ratio: 0.5 }, TypeError, /instances/);
+  assert.throws(() => simplifyScene({ meshes: [{ ...ball, normal: ball.normals }] }, { ratio: 0.5 }), TypeError);
   fails({ ...ball, uvs: new Float32Array(3) }, { ratio: 0.5 }, RangeError, /^uvs: 3 values/);
   fails({ ...ball, normals: [] }, { ratio: 0.5 }, TypeError, /^normals: a Float32Array/);
   fails({ positions: ball.positions, indices: Uint32Array.of(0, 1, 5000) }, { ratio: 0.5 }, RangeError, /5000/);
@@ -98,6 +112,39 @@ test('progress is reported and a run can be cancelled', () => {
   assert.ok(calls.some(([stage]) => stage === 'simplify'));
   assert.ok(calls.every(([, done]) => done >= 0 && done <= 1));
   assert.throws(() => simplifyMesh(ball, { ratio: 0.1, onProgress: () => false }), { name: 'AbortError' });
+  // An exception of the function is not lost.
+  const onProgress = () => {
+    throw new RangeError('enough');
+  };
+  assert.throws(() => simplifyMesh(ball, { ratio: 0.1, onProgress }), { name: 'RangeError', message: 'enough' });
+  assert.throws(() => simplifyScene({ meshes: [ball] }, { ratio: 0.1, onProgress }), { message: 'enough' });
+});
+
+test('a result can be simplified again', () => {
+  const half = simplifyMesh(bumpyBall(16), { ratio: 0.5 });
+  assert.ok(simplifyMesh(half, { ratio: 0.5 }).indices.length < half.indices.length);
+});
+
+test('faces with invalid positions are dropped with a warning', () => {
+  const ball = bumpyBall(16);
+  assert.deepEqual(simplifyMesh(ball, { ratio: 0.5 }).warnings, []);
+  ball.positions[3 * 40] = NaN;
+  const small = simplifyMesh(ball, { ratio: 0.5 });
+  assert.equal(small.report.cleanup.non_finite_faces, 6);
+  assert.deepEqual(small.warnings, ['6 faces dropped: a position is NaN or infinite']);
+  assert.deepEqual(simplifyScene({ meshes: [ball] }, { ratio: 0.5 }).warnings, small.warnings);
+});
+
+test('a call before the module is loaded says what to do', () => {
+  const code = `
+    import { LodsmithSimplifier, ready, simplifyMesh } from 'lodsmith';
+    const [positions, indices] = [new Float32Array(9), Uint32Array.of(0, 1, 2)];
+    const calls = [() => simplifyMesh({ positions, indices }, { ratio: 0.5 }), () => LodsmithSimplifier.simplify(indices, positions, 3, 3, 1)];
+    const texts = calls.map((call) => { try { call(); } catch (error) { return error.message; } });
+    await ready;
+    console.log(JSON.stringify(texts));`;
+  const texts = JSON.parse(execFileSync(process.execPath, ['--input-type=module', '-e', code], { cwd: here }));
+  assert.deepEqual(texts, new Array(2).fill('the WebAssembly module is not loaded: await ready before the first call'));
 });
 
 test('the table of options has the defaults and the words', () => {

@@ -49,6 +49,13 @@ test('other files than GLB are an error', async () => {
   await assert.rejects(simplifyGlb(new Uint8Array(0), { ratio: 0.5, quantize: 8 }), RangeError);
 });
 
+test('an exception of the progress function is not lost', { skip: !testdata && skip }, async () => {
+  const onProgress = () => {
+    throw new RangeError('enough');
+  };
+  await assert.rejects(simplifyGlb(await readFile(join(testdata, 'wave.glb')), { ratio: 0.5, onProgress }), { message: 'enough' });
+});
+
 test('a truncated file is an error, and the module still works', { skip: !testdata && skip }, async () => {
   const bytes = new Uint8Array(await readFile(join(testdata, 'wave.glb')));
   await assert.rejects(simplifyGlb(bytes.subarray(0, bytes.length / 2), { ratio: 0.5 }), RangeError);

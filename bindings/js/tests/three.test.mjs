@@ -90,6 +90,14 @@ test('skins and morph targets of both kinds stay', () => {
   }
 });
 
+test('faces with invalid positions are named on the console', (t) => {
+  const warn = t.mock.method(console, 'warn', () => {});
+  const geometry = ballGeometry(16);
+  geometry.getAttribute('position').array[3 * 40] = NaN;
+  simplifyGeometry(geometry, { ratio: 0.5 });
+  assert.deepEqual(warn.mock.calls.map((call) => call.arguments), [['lodsmith: 6 faces dropped: a position is NaN or infinite']]);
+});
+
 test('wrong options are errors', () => {
   assert.throws(() => simplifyGeometry(ballGeometry(8), { rato: 0.5 }), TypeError);
   assert.throws(() => simplifyGeometry(new THREE.BufferGeometry(), { ratio: 0.5 }), TypeError);

@@ -29,4 +29,4 @@ const { bytes }: { bytes: Uint8Array } = await simplifyGlb(new Uint8Array(), { e
 const geometry: BufferGeometry = simplifyGeometry(new BufferGeometry(), { ratio: 0.5 });
 const worker = createWorker();
 await worker.simplifyMesh(mesh, { ratio: 0.1 }, { signal: AbortSignal.timeout(1000), onProgress: (done) => void done });
-void [bytes, geometry];
+void [bytes, geometry, small.warnings.length];

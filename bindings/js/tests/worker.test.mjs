@@ -47,6 +47,14 @@ test('a run is cancelled, and later runs are not', async () => {
   await assert.rejects(worker.simplifyMesh(ball, { ratio: 0.1 }, { signal: AbortSignal.abort() }), { name: 'AbortError' });
 });
 
+test('an exception of the progress function ends the run', async () => {
+  const onProgress = () => {
+    throw new RangeError('enough');
+  };
+  await assert.rejects(worker.simplifyMesh(bumpyBall(60), { ratio: 0.1 }, { onProgress }), { message: 'enough' });
+  assert.equal((await worker.simplifyMesh(bumpyBall(10), { faces: 60 })).indices.length, 180);
+});
+
 test('an ended worker refuses runs', async () => {
   const own = createWorker();
   const run = own.simplifyMesh(bumpyBall(100), { ratio: 0.1 });

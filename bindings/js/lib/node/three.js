@@ -1,0 +1,3 @@
+import './load.js';
+
+export * from '../three.js';
