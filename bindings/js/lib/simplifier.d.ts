@@ -15,7 +15,7 @@ type Indices = Uint32Array | Int32Array | Uint16Array | Int16Array;
 /**
  * A replacement for `MeshoptSimplifier` (package meshoptimizer), with the same arguments and results: for
  * `simplify({ simplifier })` of glTF Transform, or by itself. Strides count floats, and errors are fractions of the
- * largest extent of the positions.
+ * largest extent of the positions. `simplifySloppy`, `simplifyPoints` and `remesh` are there for the type, and throw.
  */
 export const LodsmithSimplifier: {
   readonly supported: boolean;
@@ -60,8 +60,23 @@ export const LodsmithSimplifier: {
     flags?: SimplifierFlag[],
   ): [number, number];
 
+  /**
+   * Returns the triangles of the connected parts whose radius, the largest distance of a vertex from their mean, is above
+   * the error.
+   */
+  simplifyPrune(indices: Indices, positions: Float32Array, positionStride: number, targetError: number): Uint32Array;
+
+  /** Returns, for each vertex, the first vertex at the same position. */
+  generatePositionRemap(positions: Float32Array, positionStride: number): Uint32Array;
+
+  /** Throws: `simplify` with the flags `Permissive` and `Prune`, or method `cluster` of `simplifyMesh`, is the nearest. */
+  simplifySloppy(...args: unknown[]): never;
+
   /** Throws: points are not simplified. */
-  simplifyPoints(): never;
+  simplifyPoints(...args: unknown[]): never;
+
+  /** Throws: method `remesh` of `simplifyMesh` is the nearest. */
+  remesh(...args: unknown[]): never;
 
   /** Returns the largest extent of the positions: errors times this extent are distances. */
   getScale(positions: Float32Array, stride: number): number;

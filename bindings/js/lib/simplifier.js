@@ -42,6 +42,46 @@ function attributeRows(attributes, stride, weights) {
   return { attributes, attributeStride: stride, weights: Float32Array.from(weights) };
 }
 
+function checkStride(positions, stride) {
+  if (!(stride >= 3) || positions.length % stride !== 0) {
+    throw new RangeError(`a stride of ${stride} is below 3, or does not fit ${positions.length} numbers`);
+  }
+}
+
+/** Returns a function that gives the number of the connected part of a vertex. */
+function partsOf(indices, place) {
+  const root = place.slice();
+  const find = (vertex) => {
+    let at = root[vertex];
+    while (root[at] !== at) at = root[at] = root[root[at]];
+    return at;
+  };
+  for (let at = 0; at + 2 < indices.length; at += 3) {
+    const [a, b, c] = [find(indices[at]), find(indices[at + 1]), find(indices[at + 2])];
+    root[b] = root[c] = a;
+  }
+  return find;
+}
+
+/** Returns the radius of each part around the mean of its corners. */
+function radii(indices, positions, stride, part) {
+  const sums = new Map();
+  const each = (visit) => {
+    for (const vertex of indices) visit(part(vertex), [0, 1, 2].map((k) => positions[vertex * stride + k]));
+  };
+  each((of, p) => {
+    const sum = sums.get(of) ?? [0, 0, 0, 0];
+    sums.set(of, [sum[0] + p[0], sum[1] + p[1], sum[2] + p[2], sum[3] + 1]);
+  });
+  const found = new Map();
+  each((of, p) => {
+    const sum = sums.get(of);
+    const distance = Math.hypot(...p.map((x, k) => x - sum[k] / sum[3]));
+    found.set(of, Math.max(found.get(of) ?? 0, distance));
+  });
+  return found;
+}
+
 export const LodsmithSimplifier = {
   supported: typeof WebAssembly === 'object',
   get ready() {
@@ -77,8 +117,39 @@ export const LodsmithSimplifier = {
     return [left.length, error];
   },
 
+  simplifyPrune(indices, positions, positionStride, targetError) {
+    if (!(targetError >= 0)) throw new RangeError(`a target error of ${targetError} is not 0 or more`);
+    const limit = targetError * LodsmithSimplifier.getScale(positions, positionStride);
+    const place = LodsmithSimplifier.generatePositionRemap(positions, positionStride);
+    const part = partsOf(indices, place);
+    const radius = radii(indices, positions, positionStride, part);
+    const isKept = (at) => radius.get(part(indices[3 * at])) > limit;
+    const kept = Array.from({ length: indices.length / 3 }, (_, at) => at).filter(isKept);
+    return Uint32Array.from(kept.flatMap((at) => Array.from(indices.subarray(3 * at, 3 * at + 3))));
+  },
+
+  generatePositionRemap(positions, positionStride) {
+    checkStride(positions, positionStride);
+    const first = new Map();
+    return Uint32Array.from({ length: positions.length / positionStride }, (_, vertex) => {
+      const at = vertex * positionStride;
+      // (Both zeros are the same in a text.)
+      const key = `${positions[at]} ${positions[at + 1]} ${positions[at + 2]}`;
+      if (!first.has(key)) first.set(key, vertex);
+      return first.get(key);
+    });
+  },
+
+  simplifySloppy() {
+    throw new Error("there is no simplifySloppy: use simplify with the flags 'Permissive' and 'Prune', or method cluster of simplifyMesh");
+  },
+
   simplifyPoints() {
     throw new Error('points are not simplified');
+  },
+
+  remesh() {
+    throw new Error('there is no remesh: use method remesh of simplifyMesh');
   },
 
   getScale(positions, stride) {

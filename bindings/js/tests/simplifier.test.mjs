@@ -46,6 +46,30 @@ test('renumbering of vertices and the scale agree with meshoptimizer', () => {
   assert.deepEqual(LodsmithSimplifier.compactMesh(ours), MeshoptSimplifier.compactMesh(theirs));
   assert.deepEqual(ours, theirs);
   assert.equal(Math.fround(LodsmithSimplifier.getScale(positions, 3)), MeshoptSimplifier.getScale(positions, 3));
+  positions[0] = -0;
+  positions[3] = 0;
+  for (const k of [1, 2]) positions[3 + k] = positions[k];
+  const remap = LodsmithSimplifier.generatePositionRemap(positions, 3);
+  assert.deepEqual(remap, MeshoptSimplifier.generatePositionRemap(positions, 3));
+  assert.equal(remap[1], 0);
+});
+
+test('small parts are removed as in meshoptimizer', () => {
+  const ball = bumpyBall(12);
+  const count = ball.positions.length / 3;
+  const sizes = [1, 0.3, 0.1, 0.03, 0.01];
+  const [positions, indices] = [new Float32Array(5 * count * 3), new Uint32Array(5 * ball.indices.length)];
+  sizes.forEach((size, part) => {
+    ball.positions.forEach((x, i) => (positions[3 * count * part + i] = size * x + (i % 3 === 0 ? 2 * part : 0)));
+    indices.set(ball.indices.map((i) => i + count * part), part * ball.indices.length);
+  });
+  for (const error of [0, 0.002, 0.02, 0.05, 0.2]) {
+    const left = LodsmithSimplifier.simplifyPrune(indices, positions, 3, error);
+    assert.deepEqual(left, MeshoptSimplifier.simplifyPrune(indices, positions, 3, error), `${error}`);
+  }
+  assert.ok(LodsmithSimplifier.simplifyPrune(indices, positions, 3, 0.02).length < indices.length);
+  assert.throws(() => LodsmithSimplifier.simplifyPrune(indices, positions, 3, NaN), RangeError);
+  assert.throws(() => LodsmithSimplifier.simplifyPrune(indices, positions, 2, 0), RangeError);
 });
 
 test('wrong arguments are errors', () => {
@@ -59,5 +83,7 @@ test('wrong arguments are errors', () => {
   assert.throws(call(indices, positions, 3, 30, 1, ['Nothing']), TypeError);
   const short = uvs.subarray(2);
   assert.throws(() => LodsmithSimplifier.simplifyWithAttributes(indices, positions, 3, short, 2, [1, 1], null, 30, 1), RangeError);
-  assert.throws(() => LodsmithSimplifier.simplifyPoints(), /points/);
+  assert.throws(() => LodsmithSimplifier.simplifyPoints(positions, 3, 10), /points/);
+  assert.throws(() => LodsmithSimplifier.simplifySloppy(indices, positions, 3, null, 30, 1), /cluster/);
+  assert.throws(() => LodsmithSimplifier.remesh(indices, positions, 3, 10), /method remesh/);
 });

@@ -6,6 +6,7 @@ import { simplifyGlb } from 'lodsmith/glb';
 import { LodsmithSimplifier, lodsmith } from 'lodsmith/gltf-transform';
 import { simplifyGeometry } from 'lodsmith/three';
 import { createWorker } from 'lodsmith/worker';
+import { MeshoptSimplifier } from 'meshoptimizer';
 import { BufferGeometry } from 'three';
 
 await ready;
@@ -29,4 +30,6 @@ const { bytes }: { bytes: Uint8Array } = await simplifyGlb(new Uint8Array(), { e
 const geometry: BufferGeometry = simplifyGeometry(new BufferGeometry(), { ratio: 0.5 });
 const worker = createWorker();
 await worker.simplifyMesh(mesh, { ratio: 0.1 }, { signal: AbortSignal.timeout(1000), onProgress: (done) => void done });
-void [bytes, geometry, small.warnings.length];
+// Takes the place of the other in a program with types.
+const simplifier: typeof MeshoptSimplifier = LodsmithSimplifier;
+void [bytes, geometry, simplifier, small.warnings.length];
