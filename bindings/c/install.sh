@@ -23,7 +23,7 @@ case "${LODSMITH_FILES:-1}" in
     *) features=(--features fbx) ;;
 esac
 
-cargo build --quiet --locked --package lodsmith-c --profile "$profile" "${features[@]}"
+cargo build --locked --package lodsmith-c --profile "$profile" "${features[@]}"
 folder=${CARGO_TARGET_DIR:-target}/$profile
 [ "$profile" != dev ] || folder=${CARGO_TARGET_DIR:-target}/debug
 version=$(sed -n 's/^version = "\(.*\)"$/\1/p' Cargo.toml | head -n 1)

@@ -20,10 +20,9 @@ done
 dist=bindings/js/dist
 . bindings/js/wasm.sh
 
+need_target
 bindgen=$(bindgen)
 wasm_opt=$(optimiser)
-
-need_target
 
 # A single codegen unit: the download size matters more than the build time. Less is inlined than by default, which
 # makes the download about 8 % smaller. (Measured: a threshold of 25 gives 1 % more and the same times, 5 saves .1 %;
@@ -40,7 +39,7 @@ done
 # Builds the module NAME with these features.
 module() {
     local name=$1 features=$2
-    cargo build --release --quiet --locked --package lodsmith-js --features "$features" "${small[@]}" \
+    cargo build --release --locked --package lodsmith-js --features "$features" "${small[@]}" \
         --target "$triple" --target-dir "$target_dir"
     # (Measured: inlining by wasm-opt in addition makes runs 4 % faster and the download 3 % larger.)
     finish_module "$target_dir/$triple/release/lodsmith_js.wasm" "$dist/wasm" "$name" -O3 --skip-pass=inlining-optimizing

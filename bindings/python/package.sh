@@ -14,7 +14,7 @@ else
     [ -x "$tools/bin/maturin" ] || { python3 -m venv "$tools" && "$tools/bin/pip" install --quiet 'maturin>=1.9,<2'; }
     maturin=$tools/bin/maturin
 fi
-words=(--release --quiet --locked --out "$folder")
+words=(--release --locked --out "$folder")
 [ -z "${LODSMITH_TARGET:-}" ] || words+=(--target "$LODSMITH_TARGET")
 cd bindings/python
 "$maturin" build "${words[@]}"
