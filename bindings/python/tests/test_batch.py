@@ -151,6 +151,37 @@ def test_wrong_options_are_errors_before_any_work(assets, tmp_path):
     assert not (tmp_path / "out" / "report.parquet").exists()
 
 
+def test_a_command_line_in_any_order_is_checked_before_ray_starts(assets, tmp_path, monkeypatch, capsys):
+    source, out = str(assets[0]), str(tmp_path / "out")
+    seen = []
+    monkeypatch.setattr(batch, "_run_of_shell", lambda args, names, options: seen.append((args, names, options)) or 0)
+    for words in (
+        ["--levels", "0.5,0.2", "--strict", source, out, "--retries", "1"],
+        [source, "--retries=1", "--levels=0.5,0.2", out, "--strict"],
+        [source, out, "--strict", "--retries", "1", "--levels", "0.5,0.2"],
+    ):
+        assert batch.main(words) == 0
+        args, names, options = seen.pop()
+        assert (args.source, args.output, args.retries, names) == (source, out, 1, assets[1])
+        assert {k: v for k, v in options.items() if v is not None} == {"levels": "0.5,0.2", "strict": True}
+    for words, status, text in [
+        (["--levels", "2", source, out], 2, "levels: "),
+        (["--levls", "0.5", source, out], 2, "--levls is not expected; a similar option is --levels"),
+        ([source, out, "another", "--levels", "0.5"], 2, "another is not expected"),
+        ([source], 2, "OUT"),
+        (["--levels", "0.5", str(tmp_path / "missing"), out], 1, "missing"),
+    ]:
+        assert batch.main(words) == status and text in capsys.readouterr().err
+    assert not seen
+    # From Python, too.
+    monkeypatch.setattr(ray, "is_initialized", lambda: False)
+    monkeypatch.setattr(ray, "init", lambda **_: pytest.fail("Ray was started"))
+    with pytest.raises(lodsmith.CommandError, match="levels"):
+        batch.run(source, out, levels=[2])
+    with pytest.raises(FileNotFoundError):
+        batch.run(tmp_path / "missing", out, levels=[0.5])
+
+
 def test_options_as_words_and_as_values(assets, tmp_path):
     words = ["--levels", "0.5,0.25", "--max-normal=30", "--per-mesh", "--lock", "a", "--lock=b"]
     wanted = {"levels": "0.5,0.25", "max_normal": "30", "per_mesh": True, "lock": ["a", "b"]}
@@ -170,7 +201,7 @@ def test_a_time_limit_ends_a_process(assets, tmp_path):
 
 
 def test_the_command_line(assets, tmp_path):
-    words = [sys.executable, "-m", "lodsmith.batch", str(assets[0]), str(tmp_path / "out"), "--levels", "0.5"]
+    words = [sys.executable, "-m", "lodsmith.batch", "--levels", "0.5", str(assets[0]), str(tmp_path / "out")]
     environment = {k: v for k, v in os.environ.items() if k != "RAY_ADDRESS"}
     done = subprocess.run(words, capture_output=True, text=True, env=environment)
     assert done.returncode == 1

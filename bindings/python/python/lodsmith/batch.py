@@ -15,7 +15,7 @@ import tempfile
 import warnings
 from collections import Counter
 from types import MappingProxyType
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, Iterable, List, Mapping, NoReturn, Optional, Sequence, Tuple, Union
 
 try:
     import pyarrow as pa
@@ -71,29 +71,44 @@ def listed(source: Place, without: Optional[Place] = None) -> List[str]:
     return sorted(names)
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser for the options of ``lodsmith lod`` and others, in any order, that raises its errors."""
+
+    def add_options(self, own: Sequence[str] = ()) -> None:
+        """Add the options of ``lodsmith lod``, except those with these names."""
+        group = self.add_argument_group("options of lodsmith lod")
+        for row in _native.job_options("lod"):
+            how: Dict[str, Any] = {"action": "append"}
+            if row["kind"] == "flag":
+                how = {"action": "store_const", "const": True}
+            if row["name"] not in own:
+                group.add_argument("--" + row["name"], help=row["help"].replace("%", "%%"), **how)
+
+    def error(self, message: str) -> NoReturn:
+        raise CommandError(message, 2, None)
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        given, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            name = unknown[0].partition("=")[0].lstrip("-")
+            near = _native.nearest(name, [row["name"] for row in _native.job_options("lod")])
+            hint = f"; a similar option is --{near}" if near and unknown[0].startswith("-") else ""
+            self.error(f"{unknown[0]} is not expected{hint}")
+        return given
+
+
+def _options_in(given: argparse.Namespace) -> Dict[str, Any]:
+    """Return the options of ``lodsmith lod`` that were given; one that was repeated is a list."""
+    names = [row["name"].replace("-", "_") for row in _native.job_options("lod")]
+    found = {name: value for name, value in vars(given).items() if name in names and value is not None}
+    return {name: value[0] if isinstance(value, list) and len(value) == 1 else value for name, value in found.items()}
+
+
 def options_of_words(words: Sequence[str]) -> Dict[str, Any]:
     """Return the options of ``lodsmith lod`` as typed in a shell: ``--name value``, ``--name=value``, ``--flag``."""
-    flags = [row["name"].replace("-", "_") for row in _native.job_options("lod") if row["kind"] == "flag"]
-    options: Dict[str, Any] = {}
-    waiting = list(words)
-    while waiting:
-        word = waiting.pop(0)
-        name, has_value, value = word.partition("=")
-        if not name.startswith("--"):
-            raise CommandError(f"{word}: the name of an option is expected", 2, None)
-        name = name[2:].replace("-", "_")
-        if not has_value and name not in flags:
-            if not waiting:
-                raise CommandError(f"{word}: a value is expected", 2, None)
-            value = waiting.pop(0)
-        given = True if not has_value and name in flags else value
-        # An option that is given repeatedly is a list.
-        options[name] = given if name not in options else [*_as_list(options[name]), given]
-    return options
-
-
-def _as_list(value: Any) -> List[Any]:
-    return value if isinstance(value, list) else [value]
+    parser = _Parser(add_help=False, allow_abbrev=False)
+    parser.add_options()
+    return _options_in(parser.parse_args(list(words)))
 
 
 def _json(options: Mapping[str, Any]) -> str:
@@ -114,10 +129,15 @@ def plan(
     timeout: Optional[float] = None,
 ) -> Plan:
     """Return the plan of a batch; unknown options of ``lodsmith lod`` are an error before any work."""
-    made = Plan(source, target, _json(options), _json(limits), retries, timeout)
+    check({**options, **limits})
+    return Plan(source, target, _json(options), _json(limits), retries, timeout)
+
+
+def check(options: Mapping[str, Any]) -> None:
+    """Raise an error for options that ``lodsmith lod`` does not take."""
     with tempfile.TemporaryDirectory() as folder:
         icosphere(2).save(f"{folder}/try.ply")
-        tried = {**options, **limits, "dry_run": True, "strict": False}
+        tried = {**options, "dry_run": True, "strict": False}
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -127,7 +147,6 @@ def plan(
         except CommandError as e:
             if e.status == 2:
                 raise
-    return made
 
 
 def run(
@@ -180,16 +199,18 @@ def run(
 
     given = place(source, filesystem)
     target = place(output, output_filesystem or (filesystem if not isinstance(output, Place) else None))
+    options = {**options_of_words(words), **options}
+    # Before Ray starts, which takes seconds.
+    check(options)
+    assets = list(dict.fromkeys(names)) if names is not None else listed(given, target)
     if not ray.is_initialized():
         ray.init(log_to_driver=False)
     resources = ray.cluster_resources()
     cores = max(int(resources.get("CPU", 1)), 1)
-    options = {**options_of_words(words), **options}
     memory = options.pop("max_memory", None) or f"{max(int(resources.get('memory', 0) * MEMORY_SHARE / cores) >> 20, 64)}M"
     limits = {"max_memory": memory, "threads": 1}
     made = plan(given, target, options, limits=limits, retries=retries, timeout=timeout)
 
-    assets = list(dict.fromkeys(names)) if names is not None else listed(given, target)
     for folder in ("parts", "begun"):
         target.filesystem.create_dir(target.at(OWN, folder), recursive=True)
         target.filesystem.delete_dir_contents(target.at(OWN, folder))
@@ -224,10 +245,11 @@ def _treated(ray: Any, plan: Plan, assets: List[str], workers: Union[int, Tuple[
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="python -m lodsmith.batch",
-        description="Make levels of detail of all models of a folder on a Ray cluster. Options that are not listed here "
-        "are passed to lodsmith lod: --levels 0.5,0.25, --border lock and so on.",
+        usage="%(prog)s IN OUT [options]",
+        description="Make levels of detail of all models of a folder on a Ray cluster.",
+        allow_abbrev=False,
     )
     parser.add_argument("source", metavar="IN", help="folder: a path, or a URI such as s3://bucket/folder")
     parser.add_argument("output", metavar="OUT", help="folder for the levels and the report")
@@ -238,29 +260,40 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--timeout", type=float, metavar="S", help="seconds after which an asset fails")
     parser.add_argument("--max-memory", metavar="SIZE", help="memory of the process of each worker [default: its share of the memory of the cluster]")
     parser.add_argument("--address", metavar="ADDRESS", help="address of a Ray cluster [default: start a local one]")
+    parser.add_options(own=["max-memory"])
     return parser
 
 
 def main(arguments: Optional[Sequence[str]] = None) -> int:
     """Run the command line; returns 1 if an asset failed."""
+    parser = _parser()
+    try:
+        args = parser.parse_args(arguments)
+        options = _options_in(args)
+        # Before Ray starts, which takes seconds.
+        check(options)
+        if args.names is None:
+            names = listed(place(args.source), place(args.output))
+        else:
+            with open(args.names, encoding="utf-8") as file:
+                names = [line.strip() for line in file if line.strip()]
+        return _run_of_shell(args, names, options)
+    except (CommandError, OSError) as e:
+        print(f"{parser.prog}: {e}", file=sys.stderr)
+        return 2 if isinstance(e, CommandError) else 1
+
+
+def _run_of_shell(args: argparse.Namespace, names: List[str], options: Dict[str, Any]) -> int:
+    """Start Ray, run, and print the failures and the counts."""
     import ray
     import ray.data
 
-    parser = _parser()
-    args, words = parser.parse_known_args(arguments)
-    names = None
-    if args.names is not None:
-        with open(args.names, encoding="utf-8") as file:
-            names = [line.strip() for line in file if line.strip()]
     ray.init(address=args.address, log_to_driver=False, logging_level="error")
     logging.getLogger("ray.data").setLevel(logging.ERROR)
     ray.data.DataContext.get_current().enable_progress_bars = sys.stderr.isatty()
     keywords = dict(names=names, report=args.report, workers=args.workers, retries=args.retries, timeout=args.timeout)
     try:
-        table = run(args.source, args.output, words=words, max_memory=args.max_memory, **keywords)
-    except (CommandError, OSError) as e:
-        print(f"{parser.prog}: {e}", file=sys.stderr)
-        return 2 if isinstance(e, CommandError) else 1
+        table = run(args.source, args.output, **keywords, **options)
     finally:
         ray.shutdown()
     states = {row["input"]: row for row in table.to_pylist()}
