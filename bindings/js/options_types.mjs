@@ -29,7 +29,8 @@ const camel = (name) => name.replace(/-(.)/g, (_, letter) => letter.toUpperCase(
 const row = ({ name, kind, words, list, default: initial, help }) => {
   const one = kind === 'word' ? words.map((word) => `'${word}'`).join(' | ') : TYPES[kind];
   const remark = initial === null ? '' : ` Default: ${initial}.`;
-  return `  /** ${help}.${remark} */\n  ${camel(name)}?: ${list ? `(${one})[] | string` : one};\n`;
+  const text = help.replace(/--([a-z-]+)/g, (_, other) => camel(other));
+  return `  /** ${text}.${remark} */\n  ${camel(name)}?: ${list ? `(${one})[] | string` : one};\n`;
 };
 const engine = options();
 const isOfFiles = ({ name }) => !NOT_OF_BYTES.includes(name) && !engine.some((option) => option.name === camel(name));

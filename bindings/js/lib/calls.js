@@ -33,7 +33,7 @@ function indicesLike(given, made, count) {
 function losses(report) {
   const faces = report.cleanup.non_finite_faces;
   const texts = report.dropped.map((name) => `${name} dropped: a skin needs both joints and weights`);
-  if (faces > 0) texts.unshift(`${faces} ${faces === 1 ? 'face' : 'faces'} dropped: a position is NaN or infinite`);
+  if (faces > 0) texts.unshift(`${faces} ${faces === 1 ? 'face has' : 'faces have'} a position that is not finite: removed`);
   return texts;
 }
 

@@ -131,7 +131,7 @@ test('faces with invalid positions are dropped with a warning', () => {
   ball.positions[3 * 40] = NaN;
   const small = simplifyMesh(ball, { ratio: 0.5 });
   assert.equal(small.report.cleanup.non_finite_faces, 6);
-  assert.deepEqual(small.warnings, ['6 faces dropped: a position is NaN or infinite']);
+  assert.deepEqual(small.warnings, ['6 faces have a position that is not finite: removed']);
   assert.deepEqual(simplifyScene({ meshes: [ball] }, { ratio: 0.5 }).warnings, small.warnings);
 });
 

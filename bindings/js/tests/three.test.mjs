@@ -95,7 +95,7 @@ test('faces with invalid positions are named on the console', (t) => {
   const geometry = ballGeometry(16);
   geometry.getAttribute('position').array[3 * 40] = NaN;
   simplifyGeometry(geometry, { ratio: 0.5 });
-  assert.deepEqual(warn.mock.calls.map((call) => call.arguments), [['lodsmith: 6 faces dropped: a position is NaN or infinite']]);
+  assert.deepEqual(warn.mock.calls.map((call) => call.arguments), [['lodsmith: 6 faces have a position that is not finite: removed']]);
 });
 
 test('wrong options are errors', () => {

@@ -70,13 +70,13 @@ pub(crate) fn spelled(text: &str) -> String {
     Spelling::Keyword.apply(text)
 }
 
-/// Replaces names of options of the engine with their keywords.
+/// Replaces names of options of the engine with their keywords, and an example of a value with that of a keyword.
 pub(crate) fn with_keywords(mut text: String) -> String {
     for option in by_name::OPTIONS.iter().filter(|o| o.name.contains('-')) {
         // Values such as `lindstrom-turk` are not changed.
         text = text.replace(option.name, &option.name.replace('-', "_"));
     }
-    text
+    text.replace("as in name=2 (", "as in {'name': 2} (")
 }
 
 /// Returns the exception for a job whose options were rejected, or that failed.

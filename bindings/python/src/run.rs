@@ -118,7 +118,7 @@ pub(crate) fn options(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         entry.set_item("kind", kind)?;
         entry.set_item("words", words.to_vec())?;
         entry.set_item("default", option.default_text())?;
-        entry.set_item("help", option.help)?;
+        entry.set_item("help", spelled(option.help))?;
         list.append(entry)?;
     }
     Ok(list)

@@ -87,6 +87,10 @@ def test_wrong_keywords(ball):
         ({"ratio": 0.1, "zzzzz": 3}, TypeError, "'zzzzz'$"),
         ({}, TypeError, "^give a target: faces=, vertices=, ratio= or error="),
         ({"method": "cluster", "two_stage": True, "cell": 0.1}, TypeError, "^give a target"),
+        ({"target_reduction": 0.9}, TypeError, "'target_reduction'; use ratio=1 - target_reduction"),
+        ({"percent": 0.9}, TypeError, "'percent'; use ratio=1 - percent"),
+        ({"face_count": 100}, TypeError, "'face_count'; use faces="),
+        ({"ratio": 0.1, "method": "lindstrom_turk"}, ValueError, "^method: 'lindstrom_turk' is spelled 'lindstrom-turk'"),
         ({"ratio": float("nan")}, ValueError, "^ratio: "),
         ({"ratio": object()}, ValueError, "^ratio: a value of type .*object.* is not taken"),
         ({"ratio": 2.0}, ValueError, "^ratio: a fraction"),
@@ -100,7 +104,7 @@ def test_wrong_keywords(ball):
         ({"ratio": 0.1, "method": "quadratic"}, ValueError, "^method: one of memoryless, "),
         ({"ratio": 0.1, "max_normal": 500}, ValueError, "^max_normal: a number above 0 and at most 180 degrees"),
         ({"ratio": 0.1, "max_edge": "5 m"}, ValueError, "^max_edge: a length"),
-        ({"ratio": 0.1, "weight": {"uvs": 1}}, ValueError, "^weight: a factor of 0 or more .*names are normal, uv"),
+        ({"ratio": 0.1, "weight": {"uvs": 1}}, ValueError, r"^weight: a factor of 0 or more for each name, as in \{'name': 2\} \(names are normal, uv"),
         ({"ratio": 0.1, "weight": 2}, ValueError, "^weight: "),
         ({"ratio": 0.1, "cell": 0.1}, ValueError, "^cell is not an option of method memoryless"),
         ({"ratio": 0.1, "escalate": "perhaps"}, ValueError, "^escalate: "),
@@ -120,6 +124,7 @@ def test_every_option_is_taken(ball):
     of_method.update(flat="planar", iterations="unsubdivide", voxel="remesh", subdivisions="remesh", adaptive="remesh")
     for option in lodsmith.options():
         name = option["name"]
+        assert "--" not in option["help"]
         value = samples.get(option["kind"])
         if option["kind"] == "word":
             value = option["words"][0]
@@ -210,6 +215,52 @@ def test_regions_keep_their_border(wave):
     assert (middle[made.regions == 0].max() <= 0.52) and (middle[made.regions == 1].min() >= 0.48)
 
 
+def test_names_of_attributes_may_be_spelled_as_in_weight(wave):
+    plural = {"normals": wave.normals, "uvs": wave.uvs, "colors": wave.colors}
+    singular = {name[:-1]: values for name, values in plural.items()}
+    a, b = (
+        lodsmith.simplify(wave.vertices, wave.faces, attributes=given, weight={"uv": 2, "normal": 3}, ratio=0.1)
+        for given in (plural, singular)
+    )
+    assert not b.attributes and (a.vertices == b.vertices).all()
+    assert (a.uvs == b.uvs).all() and (a.normals == b.normals).all() and (a.colors == b.colors).all()
+    with pytest.raises(ValueError, match="'uv' and 'uvs' are the same"):
+        lodsmith.Mesh(wave.vertices, wave.faces, {"uv": wave.uvs, "uvs": wave.uvs})
+
+
+def test_faces_with_invalid_positions_are_dropped_with_a_warning(ball):
+    vertices = ball.vertices.copy()
+    vertices[5, 1], vertices[40, 2] = np.nan, np.inf
+    count = np.isin(ball.faces, [5, 40]).any(axis=1).sum()
+    text = f"^{count} faces have a position that is not finite: removed$"
+    with pytest.warns(lodsmith.LodsmithWarning, match=text):
+        made = lodsmith.simplify(vertices, ball.faces, ratio=0.2)
+    assert made.report["cleanup"]["non_finite_faces"] == count
+    with pytest.warns(lodsmith.LodsmithWarning, match=text) as caught:
+        lodsmith.lod(vertices, ball.faces, levels=[0.5, 0.2])
+    assert len(caught) == 1
+    # A vertex without faces is not a loss.
+    unused = np.concatenate([ball.vertices, [[np.nan] * 3]])
+    assert len(lodsmith.simplify(unused, ball.faces, ratio=0.2).faces) == 1024
+
+
+def test_a_warning_points_to_the_call(ball, tmp_path):
+    vertices = ball.vertices.copy()
+    vertices[0] = np.nan
+    mesh = lodsmith.Mesh(ball.vertices, ball.faces, {"id": np.arange(len(ball.vertices)) + (1 << 30)})
+    calls = [
+        lambda: lodsmith.simplify(vertices, ball.faces, ratio=0.5),
+        lambda: lodsmith.simplify(ball, faces=10, max_normal=1.0, topology="preserve"),
+        lambda: lodsmith.save(mesh, tmp_path / "a.ply"),
+        lambda: mesh.save(tmp_path / "b.ply"),
+        lambda: lodsmith.simplify_file(tmp_path / "a.ply", tmp_path / "c.ply", faces=10, max_normal=1, topology="preserve"),
+    ]
+    for call in calls:
+        with pytest.warns(lodsmith.LodsmithWarning) as caught:
+            call()
+        assert {w.filename for w in caught} == {__file__}
+
+
 def test_wrong_attributes(wave):
     v, f = wave.vertices, wave.faces
     for attributes, kind, text in [
@@ -241,8 +292,13 @@ def test_a_result_is_measured(ball):
     found = lodsmith.compare(ball, made)
     assert found["rms"] == pytest.approx(made.report["error"]["measured"]["rms"])
     assert found["normal_deviation_deg"] == {"mean": found["normal_mean_deg"], "p95": found["normal_p95_deg"]}
-    with pytest.raises(ValueError, match="samples"):
-        lodsmith.compare(ball, made, samples=0)
+    for wrong in ({"samples": 0}, {"samples": -5}, {"seed": -1}):
+        with pytest.raises(ValueError, match="^(samples|seed): a whole number of at least"):
+            lodsmith.compare(ball, made, **wrong)
+    levels = lodsmith.Progressive(ball)
+    for wrong in ({"faces": -3}, {"vertices": -1}, {"error": float("nan")}):
+        with pytest.raises(ValueError, match=f"^{next(iter(wrong))}: a number of 0 or more is expected, not "):
+            levels.level(**wrong)
     with pytest.raises(lodsmith.InvalidMesh):
         lodsmith.compare(ball, ([[0, 0, 0]], []))
 

@@ -160,6 +160,14 @@ class TestOpen3D:
         assert close(positions[:, 0], made.vertex.colors.numpy()[:, 0], 0.02)
 
 
+@pytest.mark.skipif(pyvista is None, reason="pyvista cannot be imported")
+def test_data_of_other_packages_keep_their_names(wave):
+    given = pyvista.PolyData.from_regular_faces(wave.vertices, wave.faces)
+    given.point_data["uv"] = wave.vertices[:, 0]
+    assert list(lodsmith.Mesh.of(given).attributes) == ["uv"]
+    assert lodsmith.simplify(given, ratio=0.2).point_data["uv"].shape[0] > 0
+
+
 def test_no_package_is_imported_for_arrays():
     import subprocess
     import sys

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from types import SimpleNamespace
 from typing import Any, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from . import _lodsmith as _native
-from ._faults import LodsmithWarning
+from ._faults import warn
 
 #: The engine stores rows of other types as 32-bit floats, which represent these integers exactly.
 _EXACT = 1 << 24
 _INTEGERS = ("int8", "uint8", "int16", "uint16", "int32", "uint32")
-_OWN = ("normals", "uvs", "colors", "regions", "vertex_map")
+OWN = ("normals", "uvs", "colors", "regions", "vertex_map")
+#: Other spellings, those of ``weight``.
+_ALSO = {"normal": "normals", "uv": "uvs", "color": "colors"}
 
 
 class MeshArrays:
@@ -33,31 +34,34 @@ class MeshArrays:
         self.vertices = _vertices(vertices)
         self.faces = _faces(faces)
         self.attributes = {}
-        for name in _OWN:
+        for name in OWN:
             setattr(self, name, None)
         self._materials: Any = None
         self.format: Optional[str] = None
-        for name, values in (attributes or {}).items():
+        for given, values in (attributes or {}).items():
             if values is None:
                 continue
+            name = _ALSO.get(given, given)
+            if name != given and (attributes or {}).get(name) is not None:
+                raise ValueError(f"attributes: {given!r} and {name!r} are the same")
             array = np.asarray(values)
             expected = len(self.faces) if name == "regions" else len(self.vertices)
             if array.ndim not in (1, 2) or len(array) != expected:
                 what = "faces" if name == "regions" else "vertices"
                 raise ValueError(f"attributes: {name!r} has the shape {array.shape} for {expected} {what}")
-            if name in _OWN:
+            if name in OWN:
                 setattr(self, name, array)
             else:
                 self.attributes[name] = array
 
     def __repr__(self) -> str:
-        also = [name for name in _OWN if getattr(self, name) is not None and name != "vertex_map"]
+        also = [name for name in OWN if getattr(self, name) is not None and name != "vertex_map"]
         also += list(self.attributes)
         with_ = f", {', '.join(also)}" if also else ""
         return f"<lodsmith.{type(self).__name__}: {len(self.faces)} faces, {len(self.vertices)} vertices{with_}>"
 
     def _named(self) -> Dict[str, np.ndarray]:
-        named = {name: getattr(self, name) for name in _OWN if getattr(self, name) is not None}
+        named = {name: getattr(self, name) for name in OWN if getattr(self, name) is not None}
         named.update(self.attributes)
         return named
 
@@ -214,7 +218,7 @@ def warn_of_lost_integers(path: Any, sent: SimpleNamespace) -> None:
     lost = [name for name, carried in sent.carried.items() if carried.rows is None]
     if lost:
         text = f"{path}: the file does not have {', '.join(lost)}: integers above 16,777,216"
-        warnings.warn(text, LodsmithWarning, stacklevel=3)
+        warn(text)
 
 
 def _like(values: np.ndarray, model: np.ndarray) -> np.ndarray:
@@ -309,10 +313,37 @@ def _list(name: str, array: np.ndarray, kind: Any, mesh: MeshArrays, combine: An
     return of_place
 
 
+#: Names of other packages for a target, and what to use.
+_TARGETS = {
+    "target_reduction": "ratio=1 - target_reduction, the share of triangles to keep",
+    "reduction": "ratio=1 - reduction, the share of triangles to keep",
+    "percent": "ratio=1 - percent, the share of triangles to keep",
+    "targetperc": "ratio=",
+    "face_count": "faces=",
+    "target_count": "faces=",
+    "targetfacenum": "faces=",
+    "target_number_of_triangles": "faces=",
+    "n_faces": "faces=",
+    "n_points": "vertices=",
+}
+
+
+def check_other_names(options: Mapping[str, Any], function: str) -> None:
+    """Raise TypeError for a keyword of another package that has a name of its own here."""
+    for name in options:
+        if name in _TARGETS:
+            raise TypeError(f"{function}() has no keyword {name!r}; use {_TARGETS[name]}")
+
+
 def check_names(options: Mapping[str, Any], function: str, known: Tuple[str, ...], engine: bool = True) -> None:
     """Raise TypeError for a keyword that does not exist."""
-    names = list(known) + ([o["name"] for o in _native.options()] if engine else [])
-    for name in options:
+    table = {o["name"]: o for o in _native.options()} if engine else {}
+    names = [*known, *table]
+    check_other_names(options, function)
+    for name, value in options.items():
+        words = table[name]["words"] if name in table else []
+        if isinstance(value, str) and value not in words and value.replace("_", "-") in words:
+            raise ValueError(f"{name}: {value!r} is spelled {value.replace('_', '-')!r}")
         if name not in names:
             near = _native.nearest(name, names)
             hint = f"; a similar one is {near!r}" if near else ""

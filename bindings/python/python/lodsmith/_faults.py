@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from typing import Any
 
 
@@ -25,3 +27,11 @@ class CommandError(ValueError):
         super().__init__(text)
         self.status = status
         self.report = report
+
+
+def warn(text: str) -> None:
+    """Issue a warning that points to the line which called the package."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "lodsmith":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, LodsmithWarning, stacklevel=level)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import warnings
 from typing import Any, Dict, Optional, Sequence, Union
 
 from . import _lodsmith as _native
-from ._arrays import MeshArrays, to_native, warn_of_lost_integers
-from ._faults import CommandError, LodsmithWarning
+from ._arrays import MeshArrays, check_other_names, to_native, warn_of_lost_integers
+from ._faults import CommandError, warn
 from ._kinds import arguments
 from ._progress import Reporting
 
@@ -49,7 +48,7 @@ def save(
     sent = to_native(given)
     warn_of_lost_integers(path, sent)
     for text in _native.save(sent, os.fspath(path), format, given._materials, options):
-        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
+        warn(f"{path}: {text}")
 
 
 def job(
@@ -61,6 +60,7 @@ def job(
     progress: Any = None,
 ) -> Any:
     """Do a job on files; return the object that the command prints with ``--json``, or the pixels of an image."""
+    check_other_names(options, verb)
     places = [None if path is None else os.fspath(path) for path in (output, out_dir)]
     # A dry run needs no output.
     if verb not in ("info", "render") and places.count(None) != 1 and not (places == [None, None] and options.get("dry_run")):
@@ -70,7 +70,7 @@ def job(
         if done["status"] != 0:
             raise CommandError("; ".join(done["errors"]), done["status"], done["report"])
     for text in done["warnings"]:
-        warnings.warn(text, LodsmithWarning, stacklevel=3)
+        warn(text)
     return done["report"] if done["picture"] is None else done["picture"]
 
 

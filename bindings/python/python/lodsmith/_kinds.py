@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from ._arrays import MeshArrays
-from ._faults import LodsmithWarning
+from ._faults import warn
 
 
 class Kind(NamedTuple):
@@ -51,7 +50,7 @@ def arguments(mesh: Any, faces: Any, attributes: Optional[Mapping[str, Any]]) ->
 
 
 def _lost(what: str) -> None:
-    warnings.warn(f"the result does not have {what}", LodsmithWarning, stacklevel=4)
+    warn(f"the result does not have {what}")
 
 
 # trimesh

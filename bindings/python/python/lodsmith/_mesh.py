@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import warnings
 from typing import Any, Dict, Optional
 
 from . import _lodsmith as _native
-from ._arrays import MeshArrays, from_native
-from ._faults import LodsmithWarning
+from ._arrays import OWN, MeshArrays, from_native
+from ._faults import warn
 from ._files import Path, save
 from ._kinds import KINDS, kind_of
 from ._picture import render
@@ -24,7 +23,8 @@ class Mesh(MeshArrays):
     faces : array of integers, shape (m, 3)
         Three rows of ``vertices`` for each triangle, counter-clockwise seen from outside.
     attributes : mapping, optional
-        Values of the vertices by name, ``(n,)`` or ``(n, k)``:
+        Values of the vertices by name, ``(n,)`` or ``(n, k)``. The first three names may be spelled as in ``weight=``:
+        ``"normal"``, ``"uv"`` and ``"color"``.
 
         ``"normals"``
             ``(n, 3)``, of unit length.
@@ -55,7 +55,12 @@ class Mesh(MeshArrays):
         if kind is None:
             raise TypeError(f"unknown type of mesh: {type(mesh).__name__}; pass arrays of vertices and faces")
         taken = kind.take(mesh)
-        return Mesh(taken.vertices, taken.faces, taken._named())
+        made = Mesh(taken.vertices, taken.faces)
+        # (Not by the constructor, which takes names in two spellings.)
+        for name in OWN:
+            setattr(made, name, getattr(taken, name))
+        made.attributes = taken.attributes
+        return made
 
     def to_trimesh(self) -> Any:
         """Return the mesh as a ``trimesh.Trimesh``."""
@@ -126,5 +131,5 @@ def load(
     mesh.format = made["format"]
     mesh._materials = made["materials"]
     for text in made["warnings"]:
-        warnings.warn(f"{path}: {text}", LodsmithWarning, stacklevel=2)
+        warn(f"{path}: {text}")
     return mesh

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from types import SimpleNamespace
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from . import _lodsmith as _native
 from ._arrays import MeshArrays, check_names, from_native, keywords_of, to_native, warn_of_lost_integers
-from ._faults import LodsmithWarning
+from ._faults import warn
 from ._kinds import arguments
 from ._mesh import Mesh, load
 from ._progress import Reporting
@@ -112,7 +111,7 @@ def _back(result: Mesh, kind: Any, given: Any) -> Any:
 def _warn(made: Iterable[Dict[str, Any]]) -> None:
     """Issue the warnings of results, each once."""
     for text in dict.fromkeys(text for one in made for text in one["warnings"]):
-        warnings.warn(text, LodsmithWarning, stacklevel=3)
+        warn(text)
 
 
 def _result(made: Dict[str, Any], original: MeshArrays, sent: SimpleNamespace, kind: type = Result) -> Any:
@@ -384,6 +383,9 @@ class Progressive:
 
         ``report["error"]["estimate"]`` of the result is its estimated distance from the input.
         """
+        for name, value in (("faces", faces), ("vertices", vertices), ("error", error)):
+            if value is not None and not value >= 0:
+                raise ValueError(f"{name}: a number of 0 or more is expected, not {value}")
         if level is None:
             level = self._mesh.level_of(faces, vertices, error)
         elif faces is not None or vertices is not None or error is not None:
@@ -441,6 +443,9 @@ def compare(reference: Any, candidate: Any, *, samples: Optional[int] = None, se
     >>> lodsmith.compare(ball, ball)["hausdorff"]["symmetric"] < 1e-7
     True
     """
+    for name, value, least in (("samples", samples, 1), ("seed", seed, 0)):
+        if value is not None and value < least:
+            raise ValueError(f"{name}: a whole number of at least {least} is expected, not {value}")
     meshes = [to_native(_any_mesh(mesh)) for mesh in (reference, candidate)]
     return _native.compare(*meshes, *(None if x is None else int(x) for x in (samples, seed)))
 
