@@ -114,6 +114,31 @@ class TestPyVista:
         assert made.is_all_triangles and made.n_cells <= 10
 
 
+    def test_identifiers_of_cells_are_no_regions(self, wave):
+        def mesh():
+            return pyvista.PolyData.from_regular_faces(wave.vertices.astype(np.float32), wave.faces)
+
+        plain = lodsmith.simplify(mesh(), ratio=0.1)
+        n = len(wave.faces)
+        # Of the cells of a volume, some have several faces on its surface.
+        for name, values in [("id", np.arange(n)), ("id", 7 * np.arange(n)[::-1]), ("vtkOriginalCellIds", np.arange(n) // 2)]:
+            given = mesh()
+            given.cell_data[name] = values
+            with pytest.warns(lodsmith.LodsmithWarning, match=f"does not have the cell data '{name}'"):
+                made = lodsmith.simplify(given, ratio=0.1)
+            assert (made.points == plain.points).all() and not made.cell_data.keys()
+        # They do not take the place of regions.
+        given.cell_data["part"] = (wave.vertices[wave.faces].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
+        with pytest.warns(lodsmith.LodsmithWarning, match="vtkOriginalCellIds"):
+            assert set(lodsmith.simplify(given, ratio=0.1).cell_data["part"]) == {0, 1}
+
+    def test_identifiers_of_polygons_are_no_regions(self):
+        given = pyvista.Plane(i_resolution=20, j_resolution=20)
+        given.cell_data["id"] = np.arange(given.n_cells)
+        with pytest.warns(lodsmith.LodsmithWarning, match="cell data 'id'"):
+            assert lodsmith.simplify(given, faces=10).n_cells <= 10
+
+
 @pytest.mark.skipif(o3d is None, reason="open3d cannot be imported")
 class TestOpen3D:
     def legacy(self, wave):

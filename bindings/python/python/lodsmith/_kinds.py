@@ -134,6 +134,17 @@ def _give_trimesh(mesh: MeshArrays, given: Any) -> Any:
 _VTK_COLORS = ("RGB", "RGBA", "rgb", "rgba", "colors", "Colors", "COLOR_0")
 
 
+#: The cell of the original, as ``extract_surface`` and others of VTK number it.
+_VTK_CELL_IDS = "vtkOriginalCellIds"
+
+
+def _are_regions(values: np.ndarray, cells: int) -> bool:
+    """Whether values of cells are numbers of regions, and not an identifier for each of the cells."""
+    if values.ndim != 1 or values.dtype.kind not in "iu" or not values.size or values.min() < 0:
+        return False
+    return cells == 1 or len(np.unique(values)) < cells
+
+
 def _is_color(values: np.ndarray) -> bool:
     return values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] in (3, 4)
 
@@ -141,6 +152,7 @@ def _is_color(values: np.ndarray) -> bool:
 def _take_pyvista(mesh: Any) -> MeshArrays:
     if mesh.n_lines or mesh.n_verts:
         _lost("lines and single points")
+    cells = mesh.n_cells
     if not mesh.is_all_triangles:
         mesh = mesh.triangulate()
     faces = mesh.faces.reshape(-1, 4)[:, 1:]
@@ -169,7 +181,7 @@ def _take_pyvista(mesh: Any) -> MeshArrays:
     taken._names = names
     for name in mesh.cell_data.keys():
         values = np.asarray(mesh.cell_data[name])
-        if taken.regions is None and values.ndim == 1 and values.dtype.kind in "iu" and values.size and values.min() >= 0:
+        if taken.regions is None and name != _VTK_CELL_IDS and _are_regions(values, cells):
             # Borders between values are preserved, like borders between materials.
             taken.regions = values
             names["regions"] = name
