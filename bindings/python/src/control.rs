@@ -58,6 +58,13 @@ pub(crate) struct WatchedRun {
     deadline: Option<Instant>,
 }
 
+impl WatchedRun {
+    /// True after a signal or an exception of the progress function.
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.shared.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
 impl Control for WatchedRun {
     fn stage(&mut self, stage: Stage) {
         let index = STAGES.iter().position(|s| s.0 == stage).unwrap_or(1);
@@ -69,7 +76,7 @@ impl Control for WatchedRun {
         // Several runs may follow each other; the progress of all never decreases.
         let done = from + (to - from) * done.clamp(0.0, 1.0);
         self.shared.done.fetch_max(done.to_bits(), Ordering::Relaxed);
-        if self.shared.is_cancelled.load(Ordering::Relaxed) {
+        if self.is_cancelled() {
             Verdict::Cancel
         } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
             Verdict::Finish

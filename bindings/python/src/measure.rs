@@ -1,11 +1,10 @@
 //! Comparison, source map, repair and counts of meshes.
 
-use lodsmith::core::measure::{CompareOptions, MeasureError, compare as measured};
+use lodsmith::core::measure::{CompareOptions, MeasureError, compare_until};
 use lodsmith::core::{Source, correspondence};
 use lodsmith_asset::MeshFacts;
 use lodsmith_asset::request::Verb;
 use numpy::IntoPyArray as _;
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -25,9 +24,6 @@ pub(crate) fn compare<'py>(
     samples: Option<usize>,
     seed: Option<u64>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    if samples == Some(0) {
-        return Err(PyValueError::new_err("samples: a whole number of at least 1 is expected, not 0"));
-    }
     let (reference, candidate) = (reference.typed()?, candidate.typed()?);
     let (reference, candidate) = (reference.surface(py)?, candidate.surface(py)?);
     let wrong = |e| mesh_error(py, &e);
@@ -36,7 +32,7 @@ pub(crate) fn compare<'py>(
     options.samples = samples.unwrap_or(options.samples);
     options.seed = seed.unwrap_or(options.seed);
     let found = Watch::default()
-        .run(py, |_| measured(&reference, &candidate, &options))?
+        .run(py, |run| compare_until(&reference, &candidate, &options, &|| run.is_cancelled()))?
         .map_err(|e| empty(py, &e))?;
     to_python(py, &report::comparison(&found))
 }

@@ -26,7 +26,9 @@ print("done", flush=True)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("call", ["lodsmith.simplify(ball, ratio=0.01)", "FILE"])
+@pytest.mark.parametrize(
+    "call", ["lodsmith.simplify(ball, ratio=0.01)", "lodsmith.compare(ball, ball, samples=10**8)", "FILE"]
+)
 def test_ctrl_c_cancels(call, tmp_path):
     if call == "FILE":
         lodsmith.icosphere(8).save(tmp_path / "ball.ply")

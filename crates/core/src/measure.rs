@@ -121,16 +121,40 @@ pub fn compare(
     candidate: &Surface<'_>,
     options: &CompareOptions,
 ) -> Result<Comparison, MeasureError> {
+    compare_until(reference, candidate, options, &|| false)
+}
+
+/// Compares like [`compare`], until `is_cancelled` returns true. It is called often, by all threads.
+///
+/// # Errors
+/// Those of [`compare`], and [`MeasureError::Cancelled`].
+pub fn compare_until(
+    reference: &Surface<'_>,
+    candidate: &Surface<'_>,
+    options: &CompareOptions,
+    is_cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<Comparison, MeasureError> {
     let reference = Prepared::named(reference, "reference")?;
     let candidate = Prepared::named(candidate, "candidate")?;
-    Ok(compare_prepared(&reference, &candidate, options))
+    let found = compared(&reference, &candidate, options, is_cancelled);
+    if is_cancelled() { Err(MeasureError::Cancelled) } else { Ok(found) }
 }
 
 /// Compares like [`compare`], but takes prepared surfaces.
 pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &CompareOptions) -> Comparison {
+    compared(reference, candidate, options, &|| false)
+}
+
+/// Compares prepared surfaces; the numbers of a cancelled comparison have no meaning.
+fn compared(
+    reference: &Prepared,
+    candidate: &Prepared,
+    options: &CompareOptions,
+    is_cancelled: &(dyn Fn() -> bool + Sync),
+) -> Comparison {
     let samples = options.samples.max(1);
-    let mut forward = OneWay::measure(reference, candidate, samples, options.seed);
-    let mut backward = OneWay::measure(candidate, reference, samples, options.seed);
+    let mut forward = OneWay::measure(reference, candidate, samples, options.seed, is_cancelled);
+    let mut backward = OneWay::measure(candidate, reference, samples, options.seed, is_cancelled);
     let mut angles = std::mem::take(&mut forward.angles_deg);
     angles.append(&mut backward.angles_deg);
     let two = |f: fn(&OneWay) -> f64, both: fn(f64, f64) -> f64| {

@@ -1,8 +1,11 @@
 //! Comparisons whose true distances are known.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 use lodsmith_core::measure::{
-    CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, vertex_distances,
+    CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, compare_until,
+    vertex_distances,
 };
 use lodsmith_core::{PositionsView, Surface, VertexId};
 
@@ -282,6 +285,19 @@ fn prepared_surfaces_give_the_same_numbers() {
     let (a, b) = (bumpy(12), bumpy(5));
     let prepared = [&a, &b].map(|m| Prepared::new(&m.surface()).unwrap());
     assert_eq!(compare_prepared(&prepared[0], &prepared[1], &options(20_000, 0)), measure(&a, &b));
+}
+
+#[test]
+fn a_comparison_ends_when_it_is_cancelled() {
+    let (a, b) = (bumpy(12), bumpy(5));
+    // More samples than there is memory for.
+    let many = options(1 << 32, 0);
+    let calls = AtomicUsize::new(0);
+    let few = || calls.fetch_add(1, Ordering::Relaxed) >= 3;
+    let made = compare_until(&a.surface(), &b.surface(), &many, &few);
+    assert_eq!(made, Err(MeasureError::Cancelled));
+    let all = compare_until(&a.surface(), &b.surface(), &options(20_000, 0), &|| false);
+    assert_eq!(all, Ok(measure(&a, &b)));
 }
 
 #[cfg(feature = "rayon")]

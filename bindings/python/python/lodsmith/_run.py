@@ -427,6 +427,11 @@ def compare(reference: Any, candidate: Any, *, samples: Optional[int] = None, se
     seed : int
         Equal seeds give equal numbers.
 
+    Raises
+    ------
+    KeyboardInterrupt
+        After Ctrl-C, as for :func:`simplify`.
+
     Returns
     -------
     dict

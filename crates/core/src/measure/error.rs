@@ -10,4 +10,7 @@ pub enum MeasureError {
         /// `reference` or `candidate`; `prepared` if [`Prepared::new`](super::Prepared::new) fails.
         which: &'static str,
     },
+    /// The caller cancelled the comparison.
+    #[error("cancelled")]
+    Cancelled,
 }

@@ -41,12 +41,22 @@ struct ChunkDistances {
 }
 
 impl OneWay {
-    pub(super) fn measure(from: &Prepared, to: &Prepared, samples: usize, seed: u64) -> Self {
+    /// Measures, or leaves out all chunks after `is_cancelled` has returned true.
+    pub(super) fn measure(
+        from: &Prepared,
+        to: &Prepared,
+        samples: usize,
+        seed: u64,
+        is_cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Self {
         let (source, target) = (from.tree(), to.tree());
         let into_target = |p: DVec3| source.frame().to(target.frame(), p);
         let nearest = |p: DVec3, hint: &mut Hint| target.closest_slot(into_target(p), f64::INFINITY, hint);
 
         let parts = chunks::map(samples, |range| {
+            if is_cancelled() {
+                return ChunkDistances::default();
+            }
             let mut part =
                 ChunkDistances { distances: Vec::with_capacity(range.len()), ..ChunkDistances::default() };
             let mut hint = Hint::default();
@@ -72,11 +82,13 @@ impl OneWay {
                 let hit = nearest(point, &mut hint);
                 Place { point, distance: hit.map_or(f64::INFINITY, |hit| hit.distance_sq.sqrt()) }
             };
+            let range = if is_cancelled() { 0..0 } else { range };
             vertices[range].iter().map(far).reduce(Place::farther)
         });
 
-        let mut distances = Vec::with_capacity(samples);
-        let mut angles_deg = Vec::with_capacity(samples);
+        let taken = parts.iter().map(|part| part.distances.len()).sum();
+        let mut distances = Vec::with_capacity(taken);
+        let mut angles_deg = Vec::with_capacity(taken);
         for mut part in parts {
             distances.append(&mut part.distances);
             angles_deg.append(&mut part.angles_deg);
