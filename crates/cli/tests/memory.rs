@@ -109,7 +109,11 @@ fn a_step_that_needs_too_much_memory_is_refused() {
         ("lod a.ply -o out.glb --levels 0.5", "lod"),
         ("progressive build a.ply -o out.lpm", "progressive build"),
         ("compare a.ply a.ply --samples 5000000", "compare"),
+        // (These ended in an abort.)
+        ("compare a.ply a.ply --samples 9 --views 4294967296", "compare --views"),
+        ("compare a.ply a.ply --samples 9 --views 99 --size 999x999 --views-sheet a.png", "compare --views"),
         ("methods a.ply --ratio 0.5", "methods"),
+        ("methods a.ply --ratio 0.5 --samples 99999999999", "methods"),
         ("render a.ply -o out.png --size 4000x4000", "render"),
     ] {
         let outcome = sandbox.run(&format!("{arguments} --max-memory 32M")).with_status(1).with_one_error();

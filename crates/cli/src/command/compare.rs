@@ -116,6 +116,10 @@ fn measure(
     options.seed = args.seed;
     let sizes = [&reference, &candidate].map(|loaded| Size::of(&loaded.mesh));
     memory::check("compare", memory_need::compare(sizes[0], sizes[1], &options))?;
+    if let Some(count) = args.views {
+        let both = Size::of_all([&*reference.mesh, &*candidate.mesh]);
+        memory::check("compare --views", memory_need::views(both, args.size, count, sheet.is_some()))?;
+    }
     let comparison = compare(&reference.mesh.surface(), &candidate.mesh.surface(), &options)?;
     let (image_sizes, unknown) = match (reference.mesh.uvs(), candidate.mesh.uvs()) {
         (Some(_), Some(_)) => reference.regions.image_sizes(),

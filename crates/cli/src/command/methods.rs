@@ -111,8 +111,11 @@ fn run_all(
     let Loaded { mesh, format, regions, warnings, .. } = loaded;
     let largest_need =
         jobs.iter().map(|(m, _)| memory_need::simplify(&mesh, &args.options(*m))).max().unwrap_or(0);
-    memory::check("methods", memory_need::methods(&mesh, largest_need)).with_context(|| path.to_owned())?;
-    let model = PreparedModel::new(Arc::unwrap_or_clone(mesh), args);
+    let mut compare = CompareOptions::default();
+    (compare.samples, compare.seed) = (args.samples, args.seed);
+    let need = memory_need::methods(&mesh, largest_need, &compare);
+    memory::check("methods", need).with_context(|| path.to_owned())?;
+    let model = PreparedModel::new(Arc::unwrap_or_clone(mesh), compare);
     bar.end();
     let mut rows = Vec::with_capacity(jobs.len());
     let mut panels = Vec::new();
@@ -224,15 +227,13 @@ struct MethodRow {
 }
 
 impl PreparedModel {
-    fn new(mesh: TriMesh, args: &MethodsArgs) -> Self {
+    fn new(mesh: TriMesh, compare: CompareOptions) -> Self {
         let surface = mesh.surface();
         // Faces without area or with invalid positions do not count: the engine drops them too.
         let cleaned = clean_surface(&surface, None);
         let reference = Surface::with_triangles(surface.positions(), cleaned.triangles)
             .ok()
             .and_then(|clean| Prepared::new(&clean).ok());
-        let mut compare = CompareOptions::default();
-        (compare.samples, compare.seed) = (args.samples, args.seed);
         let validity = Validity::of(&mesh);
         Self { reference, validity, compare, mesh }
     }

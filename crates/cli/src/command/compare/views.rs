@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use lodsmith::core::{Image, Model};
-use lodsmith_asset::memory_need::{self, Size};
 use lodsmith_asset::picture::picture_format;
 use lodsmith_asset::{Sink, Source};
 use lodsmith_io::{Format, Loaded, ModelFile, read_model_path};
@@ -13,9 +12,9 @@ use lodsmith_render::{Background, Panel, PictureFormat, Shading, Subject, View, 
 use serde_json::{Value, json};
 
 use crate::args::{CompareArgs, Reading};
+use crate::file;
 use crate::numbers::{micros, significant};
 use crate::status::usage;
-use crate::{file, memory};
 
 /// Result of the comparison.
 pub(super) struct ViewComparison {
@@ -43,9 +42,6 @@ pub(super) fn compare_views(
         model(&args.reference, loaded[0], &args.reading)?,
         model(&args.candidate, loaded[1], &args.reading)?,
     ];
-    let meshes = models.iter().flat_map(|model| &model.meshes).map(|m| &*m.mesh);
-    let pictures = if format.is_some() { 2 * count } else { 2 };
-    memory::check("compare --views", memory_need::render(Size::of_all(meshes), args.size, pictures, false))?;
     let shading = Shading::intended_by(&models[0]);
     let reference = Subject::new(&models[0])?;
     let candidate = Subject::new(&models[1])?.with_creases(reference.creases());
