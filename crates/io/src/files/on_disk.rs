@@ -22,6 +22,13 @@ pub fn write_file<T>(
     force: bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> io::Result<T> {
+    // Standard output may be a pipe, whose link leads to no path.
+    if fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir()) {
+        let mut out = BufWriter::with_capacity(BUFFER, File::options().write(true).open(path)?);
+        let value = write(&mut out)?;
+        out.flush()?;
+        return Ok(value);
+    }
     let target = target_of(path)?;
     let existing = match fs::metadata(&target) {
         Ok(about) => Some(about),
@@ -34,12 +41,6 @@ pub fn write_file<T>(
         }
         if about.permissions().readonly() && !force {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file is read-only"));
-        }
-        if !about.is_file() {
-            let mut out = BufWriter::with_capacity(BUFFER, File::options().write(true).open(&target)?);
-            let value = write(&mut out)?;
-            out.flush()?;
-            return Ok(value);
         }
     }
     let folder = match target.parent() {
@@ -158,6 +159,19 @@ mod tests {
         assert!(!left.exists() && held.exists() && other.exists());
         assert_eq!(fs::read(&out).unwrap(), b"whole");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_link_to_a_pipe_is_written_to() {
+        use std::os::fd::AsRawFd;
+        let (mut reader, writer) = io::pipe().unwrap();
+        let path = PathBuf::from(format!("/proc/self/fd/{}", writer.as_raw_fd()));
+        write_file(&path, false, |out| out.write_all(b"whole")).unwrap();
+        drop(writer);
+        let mut text = String::new();
+        io::Read::read_to_string(&mut reader, &mut text).unwrap();
+        assert_eq!(text, "whole");
     }
 
     #[cfg(unix)]
