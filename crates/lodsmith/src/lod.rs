@@ -33,7 +33,7 @@ pub enum Levels {
 }
 
 impl Levels {
-    /// Returns the number of levels, not counting the original; at most 64 of [`Levels::Steps`].
+    /// Returns the number of levels, not counting the original; at most 64 of [`Levels::Steps`], which may not have more.
     pub fn count(&self) -> usize {
         match self {
             Self::Ratios(all) => all.len(),
@@ -63,7 +63,10 @@ impl Levels {
                 }
                 counts.iter().map(|n| Stop::faces(*n)).collect()
             }
-            Self::Steps { factor, .. } => {
+            Self::Steps { factor, count } => {
+                if *count > MAX_LEVELS {
+                    return bad("count", "at most 64", *count as f64);
+                }
                 if !(*factor > 0.0 && *factor < 1.0) {
                     return bad("factor", "above 0 and below 1", *factor);
                 }
@@ -366,6 +369,9 @@ mod tests {
         assert!(stops(Levels::Faces(vec![10, 20])).is_err());
         assert!(stops(Levels::Faces(vec![])).is_err());
         assert!(stops(Levels::Steps { count: 3, factor: 1.0 }).is_err());
+        // (65 levels silently became 64.)
+        assert_eq!(stops(Levels::Steps { count: 64, factor: 0.9 }).unwrap().len(), 64);
+        assert!(stops(Levels::Steps { count: 65, factor: 0.9 }).is_err());
         let errors = [0.01, 0.001].map(Length::OfDiagonal).to_vec();
         assert!(stops(Levels::Errors(errors)).is_err());
         assert!(stops(Levels::Errors(vec![Length::Units(1.0), Length::OfDiagonal(0.1)])).is_ok());
