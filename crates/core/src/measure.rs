@@ -79,7 +79,8 @@ pub struct Comparison {
     pub normal_p95_deg: f64,
     /// Diagonal of the bounding box of the reference's faces, in the units of the positions.
     pub diagonal: f64,
-    /// Samples taken in each direction, vertices not counted.
+    /// Samples taken in each direction, vertices not counted: as many as asked for, or fewer where each is near so many
+    /// faces that the work would not be proportional to their number.
     pub samples: usize,
     /// Seed of the samples.
     pub seed: u64,
@@ -110,7 +111,7 @@ impl Default for CompareOptions {
 /// directions, the forward one. Distances are in the units of the positions. Faces with a non-finite corner
 /// are left out. A mesh whose faces have no area is sampled by the perimeter of its faces. Equal seeds give
 /// equal numbers, at any number of threads. Cost: O(n log n) to build two trees of n faces, then O(log n) for
-/// each sample and vertex.
+/// each sample and vertex. Where very many faces meet, each tests more of them, so there are fewer samples.
 ///
 /// # Errors
 /// [`MeasureError::Empty`] if either mesh has no face with finite corners.
@@ -153,6 +154,8 @@ fn compared(
     is_cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Comparison {
     let samples = options.samples.max(1);
+    let affordable = |from, to| one_way::affordable_samples(from, to, samples, options.seed);
+    let samples = affordable(reference, candidate).min(affordable(candidate, reference));
     let mut forward = OneWay::measure(reference, candidate, samples, options.seed, is_cancelled);
     let mut backward = OneWay::measure(candidate, reference, samples, options.seed, is_cancelled);
     let mut angles = std::mem::take(&mut forward.angles_deg);

@@ -110,6 +110,29 @@ impl OneWay {
     }
 }
 
+/// Number of queries that show how many faces each tests.
+const PILOTS: usize = 256;
+/// Number of faces that a query may test, in the mean, without fewer samples. (Guessed.)
+const TESTS_PER_SAMPLE: usize = 64;
+/// Smallest number of samples because of the tests.
+const FEWEST_SAMPLES: usize = 2_000;
+
+/// Returns a number of samples up to the given one, fewer if each is near very many faces, so that the work stays
+/// proportional to the given number.
+pub(super) fn affordable_samples(from: &Prepared, to: &Prepared, samples: usize, seed: u64) -> usize {
+    let (source, target) = (from.tree(), to.tree());
+    let tests = from.sampler().samples(0..PILOTS, PILOTS, seed).map(|sample| {
+        let p = sample.point(source.slot_corners(sample.face.0));
+        target.count_near(source.frame().to(target.frame(), p))
+    });
+    let tests = tests.sum::<usize>() / PILOTS;
+    if tests <= TESTS_PER_SAMPLE {
+        return samples;
+    }
+    let affordable = (samples as u128 * TESTS_PER_SAMPLE as u128 / tests as u128) as usize;
+    affordable.max(FEWEST_SAMPLES).min(samples)
+}
+
 /// Number of samples from which a hill climb searches for a farther place. The largest distance of a scan
 /// rises by up to a tenth within the first few (measured on a terrain of 200,000 faces at a tenth of them);
 /// this many are some 5,000 queries (calculated).
@@ -182,6 +205,16 @@ pub(super) fn quantile(numbers: &mut [f64], part: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn samples_near_very_many_faces_are_fewer() {
+        for (mesh, least) in [(crate::shapes::blob(3, 2), 200_000), (crate::shapes::book(4_000), 2_000)] {
+            let prepared = Prepared::new(&mesh.surface()).unwrap();
+            let samples = affordable_samples(&prepared, &prepared, 200_000, 0);
+            assert!(samples >= least && (least == 200_000 || samples < 100_000), "{samples}");
+            assert_eq!(affordable_samples(&prepared, &prepared, 500, 0), 500);
+        }
+    }
 
     #[test]
     fn a_quantile_is_one_of_the_numbers() {

@@ -328,6 +328,18 @@ impl Bvh {
         Some(best)
     }
 
+    /// Returns the number of faces that a search from a point of the unit frame tests, if it knows the distance: how
+    /// many boxes are nearer. Few, but where many faces meet nearly all.
+    pub(crate) fn count_near(&self, p: DVec3) -> usize {
+        let Some(hit) = self.closest_slot(p, f64::INFINITY, &mut Hint::default()) else { return 0 };
+        let mut count = 0;
+        self.visit(p, hit.distance_sq, |_| {
+            count += 1;
+            None
+        });
+        count
+    }
+
     /// Calls `visit_face` for the slots whose box lies within a squared distance of a point of the unit
     /// frame; a returned value is the new squared distance. Near boxes are visited first.
     #[inline(always)]
