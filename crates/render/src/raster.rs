@@ -6,6 +6,8 @@
 
 mod band;
 
+use std::collections::HashSet;
+
 use glam::DVec3;
 use lodsmith_core::{Positions, VertexId};
 use rayon::prelude::*;
@@ -15,7 +17,7 @@ use crate::projection::{Projection, ToView};
 use crate::subject::{PlacedMesh, PreparedMesh, Subject};
 
 pub(crate) use band::{Band, Corner, NO_FACE, SAMPLES, transpose_corners};
-use band::{PixelRect, TileDepths, TriangleQuad, doubled_areas, pixels_between, range};
+use band::{PixelRect, TileDepths, TriangleQuad, doubled_areas, extent, pixels_between, range};
 
 /// Rows per band: its samples fit into the L2 cache at usual widths. Even, for fine pictures.
 pub(crate) const BAND_ROWS: usize = 16;
@@ -23,6 +25,13 @@ pub(crate) const BAND_ROWS: usize = 16;
 const PIECE_LENGTH: usize = 1 << 15;
 /// Maximum distance in pixels between two computations of the same corner.
 const SNAP_DISTANCE_PX: f32 = 0.01;
+/// Number of times that faces may cover the pixels of a band before they are sorted, so that the hidden ones are left out.
+/// (Guessed: far more than a scan does, far less than a file that is made to take long.)
+const BUSY_LAYERS: usize = 64;
+/// Number of faces that are looked at to estimate how often all of them cover the pixels.
+const LOOKS: usize = 16;
+/// Number of sorted faces that are drawn before the next ones are tested.
+const SORTED_LENGTH: usize = 256;
 /// Marks indices into the list of clipped faces.
 const CLIPPED_BIT: u32 = 1 << 31;
 
@@ -379,6 +388,14 @@ impl<'a> Screen<'a> {
     /// Draws all solid faces of a band. `is_there` returns true if a masked face is opaque at a point.
     pub(crate) fn draw(&self, index: usize, band: &mut Band, is_there: &dyn Fn(u32, f32, f32) -> bool) {
         band.clear(index * BAND_ROWS, self.width, (self.height - index * BAND_ROWS).min(BAND_ROWS));
+        if self.is_busy(index, band) {
+            self.draw_nearest_first(index, band, is_there);
+        } else {
+            self.draw_in_order(index, band, is_there);
+        }
+    }
+
+    fn draw_in_order(&self, index: usize, band: &mut Band, is_there: &dyn Fn(u32, f32, f32) -> bool) {
         for piece in &self.pieces {
             self.draw_some(piece, &piece.bands[index], band, is_there);
         }
@@ -392,6 +409,73 @@ impl<'a> Screen<'a> {
             left.clear();
             left.extend(piece.backs[index].iter().filter(is_seen).map(|back| back.face));
             self.draw_some(piece, &left, band, is_there);
+        }
+    }
+
+    /// True if the faces of a band cover its pixels very many times, by an estimate from a few of them.
+    fn is_busy(&self, index: usize, band: &Band) -> bool {
+        let columns = |[x0, x1]: [f32; 2]| (x1.min(self.width as f32) - x0.max(0.0)).max(1.0);
+        let covered = |piece: &BinnedFaces| {
+            let (fronts, backs) = (&piece.bands[index], &piece.backs[index]);
+            let all = fronts.len() + backs.len();
+            let looks = (0..all).step_by(all.div_ceil(LOOKS).max(1));
+            let count = looks.len().max(1);
+            let widths = looks.map(|i| match fronts.get(i) {
+                Some(&entry) => columns(extent(&self.corners_of(piece, entry), 0)),
+                None => columns(backs[i - fronts.len()].pixels.x.map(f32::from)),
+            });
+            widths.sum::<f32>() / count as f32 * (all * band.rows) as f32
+        };
+        let all: f32 = self.pieces.iter().map(covered).sum();
+        all > (BUSY_LAYERS * band.width * band.rows) as f32
+    }
+
+    /// Draws all solid faces of a band, the nearest first, without those that are hidden by then. Returns how many it
+    /// draws.
+    fn draw_nearest_first(
+        &self,
+        index: usize,
+        band: &mut Band,
+        is_there: &dyn Fn(u32, f32, f32) -> bool,
+    ) -> usize {
+        let mut entries: Vec<(f32, usize, u32)> = Vec::new();
+        for (at, piece) in self.pieces.iter().enumerate() {
+            let near = |entry: u32| extent(&self.corners_of(piece, entry), 2)[1];
+            entries.extend(piece.bands[index].iter().map(|&entry| (near(entry), at, entry)));
+        }
+        for (at, piece) in self.pieces.iter().enumerate() {
+            entries.extend(piece.backs[index].iter().map(|back| (back.near, at, back.face)));
+        }
+        // Of faces with the same corners only the first is seen, unless its texture has holes.
+        let mut known = HashSet::new();
+        let is_masked = self.kinds.iter().flatten().any(|kind| kind.is_masked());
+        entries.retain(|&(_, at, entry)| {
+            let bits = |c: Corner| [c[0], c[1], c[2]].map(f32::to_bits);
+            is_masked || known.insert(self.corners_of(&self.pieces[at], entry).map(bits))
+        });
+        // Stable: of faces that are equally near the first is seen, as without sorting.
+        entries.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut count = 0;
+        for entries in entries.chunks(SORTED_LENGTH) {
+            let depths = TileDepths::of(band);
+            let is_seen = |&&(near, at, entry): &&(f32, usize, u32)| {
+                !depths.hide_triangle(near, &self.corners_of(&self.pieces[at], entry))
+            };
+            let seen: Vec<_> = entries.iter().filter(is_seen).collect();
+            for run in seen.chunk_by(|a, b| a.1 == b.1) {
+                let entries: Vec<u32> = run.iter().map(|seen| seen.2).collect();
+                self.draw_some(&self.pieces[run[0].1], &entries, band, is_there);
+            }
+            count += seen.len();
+        }
+        count
+    }
+
+    /// The corners of an entry of a band on the screen.
+    fn corners_of(&self, piece: &BinnedFaces, entry: u32) -> [Corner; 3] {
+        match entry & CLIPPED_BIT {
+            0 => self.placed[piece.part].on_screen(entry as usize),
+            _ => piece.cuts[(entry & !CLIPPED_BIT) as usize].corners,
         }
     }
 
@@ -481,4 +565,64 @@ pub(crate) fn nearness(subject: &Subject, projection: Projection, width: usize, 
         }
     });
     near
+}
+
+#[cfg(test)]
+mod tests {
+    use lodsmith_core::TriMesh;
+
+    use super::*;
+    use crate::camera::{Camera, Lens};
+
+    /// Calls `with` for the bands of a picture of 40 × 40 pixels, from above.
+    fn each_band(mesh: TriMesh, mut with: impl FnMut(&Screen<'_>, usize, [Band; 2])) {
+        let subject = Subject::of_mesh(mesh).expect("a model");
+        let camera = Camera {
+            eye: DVec3::new(0.0, 0.0, 5.0),
+            target: DVec3::ZERO,
+            up: DVec3::Y,
+            lens: Lens::Parallel { height: 2.0 },
+        };
+        let projection = Projection::new(&camera, 40, 40).expect("a camera");
+        let kinds = subject.parts.iter().map(|_| vec![FaceKind::Solid]).collect();
+        let screen = Screen::new(&subject, projection, 40, 40, kinds);
+        for index in 0..screen.band_count() {
+            let bands = [(); 2].map(|()| {
+                let mut band = Band::default();
+                band.clear(index * BAND_ROWS, 40, (40 - index * BAND_ROWS).min(BAND_ROWS));
+                band
+            });
+            with(&screen, index, bands);
+        }
+    }
+
+    #[test]
+    fn sorted_faces_give_the_same_picture() {
+        let mixed = |i: u32| (i ^ i >> 15).wrapping_mul(2_246_822_519);
+        let random = |i: u32| f64::from(mixed(mixed(i + 1)) >> 8) / f64::from(1u32 << 23) - 1.0;
+        let points: Vec<[f32; 3]> = (0..900)
+            .map(|i| [0, 1, 2].map(|k| random(3 * i + k) as f32 * [1.2, 1.2, 0.5][k as usize]))
+            .collect();
+        let indices: Vec<u32> = (0..900).collect();
+        let mesh = TriMesh::from_indexed(&points, &indices).expect("triangles");
+        each_band(mesh, |screen, index, [mut plain, mut sorted]| {
+            screen.draw_in_order(index, &mut plain, &|_, _, _| true);
+            let drawn = screen.draw_nearest_first(index, &mut sorted, &|_, _, _| true);
+            assert!(screen.is_busy(index, &plain) && drawn < 300);
+            for (a, b) in plain.cells.iter().zip(&sorted.cells) {
+                assert_eq!((a.near.to_array(), a.face.to_array()), (b.near.to_array(), b.face.to_array()));
+            }
+        });
+    }
+
+    /// Each face was drawn over all pixels: a million at the same place took 19 seconds at 64 × 64 pixels.
+    #[test]
+    fn few_of_many_faces_at_the_same_place_are_drawn() {
+        let points = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0f32]];
+        let mesh = TriMesh::from_indexed(&points, &[0, 1, 2].repeat(20_000)).expect("triangles");
+        each_band(mesh, |screen, index, [mut band, _]| {
+            assert!(screen.is_busy(index, &band));
+            assert!(screen.draw_nearest_first(index, &mut band, &|_, _, _| true) == 1);
+        });
+    }
 }

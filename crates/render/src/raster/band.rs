@@ -92,6 +92,12 @@ pub(super) fn range([a, b, c]: [f32x4; 3]) -> [f32x4; 2] {
     [a.fast_min(b).fast_min(c), a.fast_max(b).fast_max(c)]
 }
 
+/// Returns the smallest and the largest of a coordinate of three corners.
+pub(super) fn extent(corners: &[Corner; 3], k: usize) -> [f32; 2] {
+    let [a, b, c] = corners.map(|c| c[k]);
+    [a.min(b).min(c), a.max(b).max(c)]
+}
+
 impl TriangleQuad {
     #[inline(always)]
     pub(super) fn new(of: impl Fn(usize, usize) -> Corner) -> Self {
@@ -248,6 +254,37 @@ impl TileDepths {
         rows.into_iter().all(|row| {
             let row = &self.least[row * self.columns..][..self.columns];
             row[columns.clone()].iter().all(|&least| near <= least)
+        })
+    }
+
+    /// As [`Self::hide`], for the tiles that a triangle touches.
+    pub(super) fn hide_triangle(&self, near: f32, corners: &[Corner; 3]) -> bool {
+        let tiles = |k: usize, first: usize, count: usize| {
+            let at = |x: f32| (x - first as f32).clamp(0.0, (count * TILE_SIZE) as f32) as usize;
+            let [low, high] = extent(corners, k).map(at);
+            low / TILE_SIZE..(high / TILE_SIZE + 1).min(count)
+        };
+        let [a, b, c] = corners;
+        let doubled = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let [b, c] = if doubled < 0.0 { [c, b] } else { [b, c] };
+        // The largest value of an edge function in a tile is at one of its corners.
+        let is_beside = |p: &Corner, q: &Corner, x: f32, y: f32| {
+            let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+            let size = TILE_SIZE as f32;
+            let (x, y) = (if dy < 0.0 { x + size } else { x }, if dx > 0.0 { y + size } else { y });
+            dx * (y - p[1]) - dy * (x - p[0]) < 0.0
+        };
+        let (rows, columns) =
+            (tiles(1, self.first_row, self.least.len() / self.columns), tiles(0, 0, self.columns));
+        rows.into_iter().all(|row| {
+            let y = (self.first_row + row * TILE_SIZE) as f32;
+            columns.clone().all(|column| {
+                let x = (column * TILE_SIZE) as f32;
+                near <= self.least[row * self.columns + column]
+                    || is_beside(a, b, x, y)
+                    || is_beside(b, c, x, y)
+                    || is_beside(c, a, x, y)
+            })
         })
     }
 }
