@@ -192,8 +192,8 @@ pub enum Effort {
     #[default]
     Default,
     /// Runs to the same count, of which every collapse stays within a share of the largest distance of a plain run;
-    /// the result is the one with the smallest share whose mean and RMS distances are at most 1 % above those of
-    /// the plain run. Its vertices are fitted repeatedly. Takes four to twenty times as long as one run
+    /// the result is the one with the smallest share whose mean and RMS distances are at most 8 % above those of
+    /// the plain run (1 % in the geometric mean of many). Its vertices are fitted repeatedly. Takes four to twenty times as long as one run
     /// (docs/decisions/0031).
     Best,
     /// [`Effort::Best`] for inputs of at most [`Effort::MAX_SMALL_FACES`] triangles, but [`Effort::Default`] for the

@@ -36,14 +36,14 @@ fn the_best_result_has_a_smaller_largest_distance_at_the_same_count() {
             let [before, after] = [&plain, &best].map(|done| distances(mesh, &done.mesh));
             // (Compared by other samples than the run's, so with one percent of noise.)
             assert!(after.hausdorff.symmetric <= 1.01 * before.hausdorff.symmetric);
-            assert!(after.rms.symmetric <= 1.02 * before.rms.symmetric);
-            assert!(after.mean.symmetric <= 1.02 * before.mean.symmetric);
+            assert!(after.rms.symmetric <= 1.09 * before.rms.symmetric);
+            assert!(after.mean.symmetric <= 1.09 * before.mean.symmetric);
             product *= after.hausdorff.symmetric / before.hausdorff.symmetric;
             count += 1.0;
         }
     }
     let mean = f64::powf(product, 1.0 / count);
-    assert!(mean < 0.9, "{mean}");
+    assert!(mean < 0.8, "{mean}");
 }
 
 #[test]

@@ -21,8 +21,10 @@ use crate::options::shared::COLLAPSE_METHODS;
 const SHARES: [f64; 3] = [0.7, 0.6, 0.5];
 /// The limit that is tried if the first one fails.
 const SECOND_SHARE: f64 = 0.85;
-/// Largest factor by which the mean and the RMS distance may exceed those of the plain run.
-const MAX_MEAN_FACTOR: f64 = 1.01;
+/// Largest factor by which the mean and the RMS distance may exceed those of the plain run. (Measured on 33 cases: 1.01,
+/// 1.03, 1.08, 1.15 give .95, .92, .80, .77 of its largest distance and .99, 1.00, 1.01, 1.02 of its mean in the geometric
+/// mean.)
+const MAX_MEAN_FACTOR: f64 = 1.08;
 /// Samples in each direction for the comparison of results; all vertices are measured too.
 const SAMPLES: usize = 20_000;
 /// Number of samples of the input that a run keeps within the limit, if its faces are large. (The result is measured, so
