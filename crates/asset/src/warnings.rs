@@ -37,7 +37,7 @@ impl Spelling {
             let (name, after) = option.split_at(end);
             let starts_word = before.chars().next_back().is_none_or(|c| c == '(' || c.is_whitespace());
             // After the name, a path would continue.
-            let ends_word = after.chars().next().is_none_or(|c| c.is_whitespace() || ",;:)".contains(c));
+            let ends_word = after.chars().next().is_none_or(|c| c.is_whitespace() || ",;:)]".contains(c));
             spelled.push_str(before);
             if name.starts_with(|c: char| c.is_ascii_lowercase()) && starts_word && ends_word {
                 spelled.push_str(&self.name(name));
@@ -161,12 +161,12 @@ mod tests {
 
     #[test]
     fn options_are_spelled_for_the_caller() {
-        let text = "a higher --max-normal (now 30) would go further; --per-mesh gives each its own: x--y -- -- --low.ply";
+        let text = "a higher --max-normal (now 30) would go further; --per-mesh gives each its own [or --max-normal]: x--y -- -- --low.ply";
         let of = |spelling: Spelling| spelling.apply(text);
         assert_eq!(of(Spelling::CommandLine), text);
         let expected = |max: &str, mesh: &str| {
             format!(
-                "a higher {max} (now 30) would go further; {mesh} gives each its own: x--y -- -- --low.ply"
+                "a higher {max} (now 30) would go further; {mesh} gives each its own [or {max}]: x--y -- -- --low.ply"
             )
         };
         assert_eq!(of(Spelling::Keyword), expected("max_normal", "per_mesh"));
