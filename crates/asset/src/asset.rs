@@ -63,7 +63,7 @@ pub struct Edit {
     pub files: Vec<SideFile>,
     /// True if maps were baked.
     pub is_baked: bool,
-    /// What is in the maps in place of the meshes.
+    /// The data of the meshes that the maps hold now, which are not lost.
     pub moved: MovedIntoMaps,
 }
 

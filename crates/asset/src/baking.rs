@@ -47,7 +47,7 @@ pub struct BakedScene {
     pub is_new_atlas: bool,
 }
 
-/// What maps have in place of the meshes.
+/// The data of meshes that baked maps hold, so that the meshes may lack them without a loss.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MovedIntoMaps {
     /// Colours of vertices.
@@ -62,7 +62,7 @@ impl Baking {
         self.options.maps.contains(&MapKind::Color)
     }
 
-    /// Returns what is in the maps in place of the meshes.
+    /// Returns the data of the meshes that the maps hold.
     pub(crate) fn moved(&self) -> MovedIntoMaps {
         MovedIntoMaps { colors: self.has_color(), materials: self.options.atlas == AtlasMode::New }
     }
@@ -194,7 +194,7 @@ fn map_path(sink: &Sink, end: &str) -> Result<PathBuf, AssetError> {
 }
 
 impl MovedIntoMaps {
-    /// Removes the warnings of writing about what is not lost, because maps have it.
+    /// Removes the warnings of writing about data that the maps hold.
     pub(crate) fn drop_warnings(self, warnings: &mut Vec<Warning>) {
         let is_moved = |text: &str| {
             (self.colors && text.ends_with("no longer has its COLOR_0"))

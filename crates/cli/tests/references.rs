@@ -1,4 +1,4 @@
-//! What extensions refer to, after whole commands: names of elements stay right, and what is lost is an error with
+//! References inside extensions after whole commands: they name the right elements, and a lost one is an error with
 //! `--strict`.
 
 use std::fs;

@@ -33,10 +33,10 @@ use header::Header;
 /// `red green blue [alpha]` and texture coordinates `s t`, `u v` or `texture_u texture_v`; other integer
 /// properties of vertices become discrete attributes with the same names, unless single precision cannot hold
 /// them. Faces have `vertex_indices` or `vertex_index` and per-corner texture coordinates (`texcoord`), which
-/// become wedges. Labels of faces (integers), their colours if these are few, and the pictures of `comment TextureFile`
-/// with `texnumber` become regions; more colours become colours of corners. Polygons are triangulated; `tristrips` are converted to triangles. Everything else is
-/// dropped with a warning; scalar properties of vertices can be returned besides the mesh
-/// ([`ReadOptions::properties`]). Cost: O(bytes).
+/// become wedges. Labels of faces (integers), their colours if these are few, and the pictures of `comment
+/// TextureFile` with `texnumber` become regions; more colours become colours of corners. Polygons are triangulated;
+/// `tristrips` are converted to triangles. Everything else is dropped with a warning; scalar properties of vertices
+/// can be returned besides the mesh ([`ReadOptions::properties`]). Cost: O(bytes).
 ///
 /// # Errors
 /// [`ReadError::Malformed`] with the line, the byte or the element; [`ReadError::NoFaces`] for point clouds.

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use lodsmith_core::numbers::counted;
+
 use crate::error::Warning;
 use crate::excerpt::excerpt;
 
@@ -12,13 +14,13 @@ pub(super) enum LossReason {
     Geometry,
     /// It describes the material, or its coordinates, that a baked one replaces.
     Material,
-    /// What it refers to is not known, and it may contain a number that has another meaning now.
+    /// The extension is not known, and may contain a number that has another meaning now.
     Opaque,
-    /// What it refers to is gone.
+    /// An element that it refers to is gone.
     Gone,
-    /// Entries of it refer to what is gone.
+    /// Entries of it refer to elements that are gone.
     Entries,
-    /// Channels of animations move what is gone.
+    /// Channels of animations move elements that are gone.
     Channels,
 }
 
@@ -65,29 +67,26 @@ impl ExtensionLosses {
 
 fn warning(reason: LossReason, name: &str, count: usize) -> Warning {
     let times = if count == 1 { String::new() } else { format!(" {count} times") };
-    let (are, is_one) = if count == 1 { ("is", true) } else { ("are", false) };
-    Warning::lost(match reason {
-        LossReason::Geometry => {
-            format!("the extension {name} is left out{times}: it describes vertices that were replaced")
+    let because = |reason: &str| Warning::lost(format!("the extension {name} is left out{times}: {reason}"));
+    let are = if count == 1 { "is" } else { "are" };
+    match reason {
+        LossReason::Geometry => because("it describes vertices that were replaced"),
+        LossReason::Material => because("a baked material replaces what it describes"),
+        LossReason::Opaque => {
+            because("it is not known, and may contain numbers that have another meaning now")
         }
-        LossReason::Material => {
-            format!("the extension {name} is left out{times}: a baked material replaces what it describes")
-        }
-        LossReason::Opaque => format!(
-            "the extension {name} is left out{times}: it is not known, and may contain numbers that have another meaning now"
-        ),
-        LossReason::Gone => {
-            format!("the extension {name} is left out{times}: what it refers to is no longer in the file")
-        }
+        LossReason::Gone => because("what it refers to is no longer in the file"),
         LossReason::Entries => {
-            let entries = if is_one { "an entry".to_owned() } else { format!("{count} entries") };
-            format!(
+            let entries = counted(count, "entry", "entries");
+            Warning::lost(format!(
                 "{entries} of the extension {name} {are} left out: what is named is no longer in the file"
-            )
+            ))
         }
         LossReason::Channels => {
-            let channels = if is_one { "a channel".to_owned() } else { format!("{count} channels") };
-            format!("{channels} of animations ({name}) {are} left out: the target is no longer in the file")
+            let channels = counted(count, "channel", "channels");
+            Warning::lost(format!(
+                "{channels} of animations ({name}) {are} left out: the target is no longer in the file"
+            ))
         }
-    })
+    }
 }

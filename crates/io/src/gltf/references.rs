@@ -224,9 +224,11 @@ pub(super) fn pointed_element(pointer: &str) -> Option<(ReferenceKind, usize, &s
 
 /// Calls `visit` for each view that an accessor refers to.
 pub(super) fn views_of(accessor: &mut Value, visit: &mut dyn FnMut(ReferenceKind, &mut Value)) {
-    for path in ["bufferView", "sparse/indices/bufferView", "sparse/values/bufferView"] {
+    let of_accessors =
+        table::CORE.iter().filter_map(|(path, kind)| Some((path.strip_prefix("accessors/*/")?, kind)));
+    for (path, kind) in of_accessors {
         walk(accessor, path, &mut 0, &mut |value| {
-            visit(ReferenceKind::View, value);
+            visit(*kind, value);
             true
         });
     }

@@ -137,8 +137,8 @@ impl Scene {
     }
 
     /// Removes materials that nothing uses, the textures and images that only they used, and samplers without textures.
-    /// What else refers to them, such as animations and expressions of avatars, goes with them; the warnings come with
-    /// those of writing the scene.
+    /// Animations and expressions of avatars that refer to them are removed too; the warnings come with those of
+    /// writing the scene.
     pub fn drop_unused_materials(&mut self) {
         self.atlas_materials.clear();
         drop_unused_materials(&mut self.json, &mut self.losses);

@@ -19,7 +19,7 @@ use super::references::{
 };
 use super::vrm;
 
-/// What an edit changes about the elements of a file.
+/// New numbers of the elements of a file, and changes of their meaning, which an edit collects.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Renumbering {
     /// By kind the new number of each element; `None` for those that are gone.

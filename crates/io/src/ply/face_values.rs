@@ -28,7 +28,7 @@ pub(super) struct FaceColumn {
     pub(super) values: Vec<f64>,
 }
 
-/// What becomes of the values of faces.
+/// Regions, or colours of corners, made of the values of faces.
 #[derive(Default)]
 pub(super) struct FaceValues {
     pub(super) regions: Regions,

@@ -22,7 +22,7 @@ use cases::Case;
 /// A job: its letter in [`Case::lost_in`], and what it makes of a scene.
 type Job = (char, fn(&mut Scene) -> (Vec<u8>, Vec<Warning>));
 
-/// What is done with each scene.
+/// The jobs that each scene goes through.
 const JOBS: [Job; 5] = [('s', simplify), ('l', levels), ('m', compress), ('q', quantize), ('b', bake)];
 
 /// Returns a scene of three meshes: "gone" will lose its faces, "main" has all attributes and a morph target, and

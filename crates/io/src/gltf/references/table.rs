@@ -128,7 +128,7 @@ const TABLE: &[KnownExtension] = &[
     with("ADOBE_materials_thin_transparency", &[("transmissionTexture/index", Texture)]),
     plain("BENTLEY_materials_planar_fill"),
     plain("BENTLEY_materials_point_style"),
-    with("BENTLEY_materials_line_style", &[]),
+    plain("BENTLEY_materials_line_style"),
     with("MSFT_packing_normalRoughnessMetallic", &[("normalRoughnessMetallicTexture/index", Texture)]),
     with(
         "MSFT_packing_occlusionRoughnessMetallic",
