@@ -9,15 +9,19 @@
 mod assemblies;
 mod build;
 mod document;
+mod kept;
 mod looks;
+mod marks;
 mod model;
 mod package;
 mod properties;
 mod resources;
+mod settings;
 mod write;
 
 use std::io::{self, Write};
 
+pub(crate) use kept::{KeptContents, OF_THREE_MF};
 use lodsmith_core::TriMesh;
 
 use crate::error::{ReadError, Warning};

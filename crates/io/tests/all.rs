@@ -28,3 +28,4 @@ mod scenes;
 mod shapes;
 mod three_mf;
 mod three_mf_scene;
+mod three_mf_slicers;

@@ -176,7 +176,7 @@ fn hidden_meshes_stay_in_a_scene_and_are_left_out_elsewhere() {
     assert_eq!((model.meshes.len(), model.face_count()), (2, 1));
     let merged = mesh_of(&file);
     assert_eq!((merged.mesh.face_count(), merged.contents.meshes), (1, 1));
-    assert_eq!(losses(&merged), ["1 hidden meshes (KHR_node_visibility) are left out"]);
+    assert_eq!(losses(&merged), ["1 hidden mesh (KHR_node_visibility) left out"]);
     let mut three_mf = Vec::new();
     let written =
         lodsmith_io::write_scene_to(&scene, &[], Format::ThreeMf, &|_| None, &mut three_mf).unwrap();

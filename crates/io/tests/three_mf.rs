@@ -297,5 +297,5 @@ fn content_that_is_dropped_is_named() {
     let content =
         format!(r#"<resources>{}</resources><build><item objectid="1"/></build>"#, object(1, "", &painted));
     let loaded = read(&file(&content)).unwrap();
-    assert!(loaded.warnings.iter().any(|w| w.data_lost && w.text.contains("painted in a slicer")));
+    assert!(loaded.warnings.iter().any(|w| w.data_lost && w.text.contains("a slicer painted")));
 }

@@ -2,19 +2,19 @@
 //! materials, images and nodes, and gets a glTF scene in memory.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DMat4;
 use serde_json::{Map, Value, json};
 
-use super::container::FileParts;
-#[cfg(feature = "fbx")]
-use super::container::list;
+use super::container::{FileParts, list};
 use super::unplaced_textures;
 #[cfg(feature = "fbx")]
 use super::write::NO_TARGET;
 use super::write::{F32, GltfBuilder, U8, U16, VERTEX_TARGET};
 use crate::error::Warning;
 use crate::format::Format;
+use crate::three_mf::{KeptContents, OF_THREE_MF};
 
 /// A scene that was made from the contents of another format.
 pub(crate) struct BuiltScene {
@@ -22,6 +22,8 @@ pub(crate) struct BuiltScene {
     pub(super) format: Format,
     /// The vertex in the source of each glTF vertex, by accessor of positions, for meshes whose vertices were split.
     pub(super) source_vertices: BTreeMap<usize, Vec<u32>>,
+    /// What a 3MF file has beside its scene.
+    pub(crate) beside: Option<Arc<KeptContents>>,
 }
 
 /// The vertices of a mesh, and its triangles by material.
@@ -41,6 +43,8 @@ pub(crate) struct MeshParts {
     pub(crate) source_vertices: Option<Vec<u32>>,
     /// Material and triangles of each primitive.
     pub(crate) primitives: Vec<(Option<usize>, Vec<[u32; 3]>)>,
+    /// For each primitive, marks of its triangles in 3MF, or null; empty if there are none.
+    pub(crate) marks: Vec<Value>,
 }
 
 /// Four joints of each vertex, and their weights.
@@ -100,7 +104,6 @@ impl SceneBuilder {
     }
 
     /// Declares an extension.
-    #[cfg(feature = "fbx")]
     pub(crate) fn uses(&mut self, extension: &str) {
         if !list(&self.json, "extensionsUsed").iter().any(|e| e == extension) {
             self.add("extensionsUsed", extension.into());
@@ -130,7 +133,9 @@ impl SceneBuilder {
     /// Adds a mesh; returns its index, or `None` if it has no triangles.
     pub(crate) fn mesh(&mut self, parts: MeshParts) -> Option<usize> {
         let count = parts.positions.len();
-        let primitives: Vec<_> = parts.primitives.iter().filter(|(_, t)| !t.is_empty()).collect();
+        let marks = parts.marks.iter().chain(std::iter::repeat(&Value::Null));
+        let primitives: Vec<_> =
+            parts.primitives.iter().zip(marks).filter(|((_, t), _)| !t.is_empty()).collect();
         if primitives.is_empty() {
             return None;
         }
@@ -157,7 +162,7 @@ impl SceneBuilder {
             attributes.insert(format!("WEIGHTS_{k}"), self.file.end().into());
         }
         let targets: Vec<Value> = parts.targets.iter().map(|t| self.target(t)).collect();
-        let of_primitive = |(material, triangles): &&(Option<usize>, Vec<[u32; 3]>)| {
+        let of_primitive = |((material, triangles), marks): &(&(Option<usize>, Vec<[u32; 3]>), &Value)| {
             let indices = self.file.indices(triangles, count);
             let mut primitive = json!({ "attributes": attributes, "indices": indices });
             if let Some(material) = material {
@@ -165,6 +170,9 @@ impl SceneBuilder {
             }
             if !targets.is_empty() {
                 primitive["targets"] = targets.clone().into();
+            }
+            if !marks.is_null() {
+                primitive["extras"][OF_THREE_MF] = (*marks).clone();
             }
             primitive
         };
@@ -220,7 +228,7 @@ impl SceneBuilder {
             self.warn(warning);
         }
         let Self { json, source_vertices, warnings, format, .. } = self;
-        BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices }
+        BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices, beside: None }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Inventory of the other contents of a file: counts for reports, and warnings for what is dropped.
 
+use lodsmith_core::numbers::counted;
 use serde_json::Value;
 
 use super::container::{IGNORABLE_EXTENSIONS, list, number};
@@ -10,6 +11,7 @@ use super::references::INSTANCING;
 use crate::error::Warning;
 use crate::excerpt::excerpt;
 use crate::loaded::Contents;
+use crate::three_mf::OF_THREE_MF;
 
 /// Attribute names as shown in reports.
 const NAMES: [(&str, &str); 6] = [
@@ -33,16 +35,30 @@ pub(super) enum Kept {
     Nodes,
 }
 
+/// Returns what only 3MF has, and a mesh cannot hold.
+fn marks_lost(json: &Value) -> impl Iterator<Item = &'static str> {
+    let of_node = |node: &Value| node["extras"][OF_THREE_MF]["printable"] == false;
+    let mark = |primitive: &Value, key: &str| !primitive["extras"][OF_THREE_MF][key].is_null();
+    let primitives = || list(json, "meshes").iter().flat_map(|mesh| list(mesh, "primitives"));
+    [
+        (list(json, "nodes").iter().any(of_node), "marks of parts that are not printed are dropped"),
+        (primitives().any(|p| mark(p, "paint")), "what a slicer painted on triangles is dropped"),
+        (primitives().any(|p| mark(p, "sets")), "sets of triangles are dropped"),
+    ]
+    .into_iter()
+    .filter_map(|(is, what)| is.then_some(what))
+}
+
 /// Counts the contents of a file; returns one warning for each kind of content that is dropped.
 pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Contents, Vec<Warning>) {
     let count = |name: &str| list(json, name).len();
     let meshes = list(json, "meshes");
     let mut placed = vec![false; meshes.len()];
     let is_merged = kept == Kept::Mesh;
-    let counted = || placements.iter().filter(|p| !(is_merged && p.is_hidden));
-    counted().for_each(|p| placed[p.mesh] = true);
+    let merged = || placements.iter().filter(|p| !(is_merged && p.is_hidden));
+    merged().for_each(|p| placed[p.mesh] = true);
     let copies = |p: &Placement| p.node.map_or(1, |n| instances::count(json, &json["nodes"][n]));
-    let instances = counted().fold(0usize, |n, p| n.saturating_add(copies(p)));
+    let instances = merged().fold(0usize, |n, p| n.saturating_add(copies(p)));
     let mut contents = Contents {
         meshes: instances,
         distinct_meshes: placed.iter().filter(|is_placed| **is_placed).count(),
@@ -80,7 +96,12 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     let mut warnings = Vec::new();
     let hidden = placements.iter().filter(|p| p.is_hidden).count();
     if hidden > 0 {
-        let text = format!("{hidden} hidden meshes (KHR_node_visibility) are left out");
+        let of_slicer = ["role", "type"]
+            .iter()
+            .any(|key| list(json, "nodes").iter().any(|node| !node["extras"][OF_THREE_MF][key].is_null()));
+        let meshes = counted(hidden, "hidden mesh", "hidden meshes");
+        let what = if of_slicer { "what a slicer does not print" } else { "KHR_node_visibility" };
+        let text = format!("{meshes} ({what}) left out");
         warnings.push(Warning::lost(text));
         placements.iter().for_each(|p| placed[p.mesh] = true);
     }
@@ -103,7 +124,12 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     not_carried(!json["extensions"]["KHR_lights_punctual"].is_null(), "lights");
     let with_extras = ["meshes", "nodes", "scenes"].iter().flat_map(|kind| list(json, kind));
     let of_file = [json].into_iter().chain(is_merged.then_some(&json["asset"]));
-    not_carried(with_extras.chain(of_file).any(|v| !v["extras"].is_null()), "extras");
+    // Those that are only of 3MF have warnings of their own.
+    let has_extras = |v: &Value| match v["extras"].as_object() {
+        Some(extras) => extras.keys().any(|key| key != OF_THREE_MF) || extras.is_empty(),
+        None => !v["extras"].is_null(),
+    };
+    not_carried(with_extras.chain(of_file).any(has_extras), "extras");
     if !other_attributes.is_empty() {
         not_carried(true, &format!("attributes {}", other_attributes.join(", ")));
     }
@@ -124,6 +150,9 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     if !unknown.is_empty() {
         not_carried(true, &format!("extensions {}", unknown.join(", ")));
     }
+    if is_merged {
+        warnings.extend(marks_lost(json).map(|what| Warning::lost(format!("{what}: only 3MF keeps them"))));
+    }
     // Meshes of lower levels are dropped with the extension, for which there is a warning already.
     for level in nodes_of_levels(json) {
         if let Some(flag) = number(&json["nodes"][level]["mesh"]).and_then(|m| placed.get_mut(m)) {
@@ -132,7 +161,7 @@ pub(super) fn take(json: &Value, placements: &[Placement], kept: Kept) -> (Conte
     }
     let left = placed.iter().filter(|p| !**p).count();
     if left > 0 {
-        let meshes = lodsmith_core::numbers::counted(left, "mesh is", "meshes are");
+        let meshes = counted(left, "mesh is", "meshes are");
         warnings.push(Warning::lost(format!("{meshes} not placed in the default scene: dropped")));
     }
     (contents, warnings)

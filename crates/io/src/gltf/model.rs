@@ -51,6 +51,12 @@ impl Scene {
         let skins = motion::skins(&self.json, &buffers, &mut budget, &mut warnings);
         let mut model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
         model.skins = skins.all;
+        if self.beside().is_some() {
+            // Hidden nodes are what a slicer does not print: they are written as such.
+            for (node, v) in model.nodes.iter_mut().zip(list(&self.json, "nodes")) {
+                node.mesh = node.mesh.or(number(&v["mesh"]).filter(|&m| m < model.meshes.len()));
+            }
+        }
         for (mesh, other) in model.meshes.iter_mut().zip(replaced) {
             other.iter().for_each(|other| mesh.mesh = Arc::new(other.clone()));
         }

@@ -32,6 +32,7 @@ use crate::loaded::{Contents, Loaded};
 use crate::losses::losses;
 use crate::material::image_type;
 use crate::options::{ReadOptions, WriteOptions};
+use crate::three_mf::{KeptContents, OF_THREE_MF};
 
 /// A whole glTF file: its meshes one by one; nodes, materials, animations and everything else unchanged.
 ///
@@ -49,6 +50,8 @@ pub struct Scene {
     format: Format,
     /// See [`BuiltScene::source_vertices`]; for 3MF, in which vertex indices decide which triangles are neighbours.
     source_vertices: Option<Arc<BTreeMap<usize, Vec<u32>>>>,
+    /// What a 3MF file has beside its scene.
+    beside: Option<Arc<KeptContents>>,
     /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
     /// Location of images in separate files.
@@ -161,6 +164,7 @@ impl Scene {
         let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
         let mut scene = Self::of_document(built.parts.document(), size, format, options)?;
         scene.warnings.splice(0..0, warnings);
+        scene.beside = built.beside;
         scene.source_vertices = (format == Format::ThreeMf).then(|| Arc::new(built.source_vertices));
         Ok(scene)
     }
@@ -229,6 +233,7 @@ impl Scene {
             warnings,
             format,
             source_vertices: None,
+            beside: None,
             unpacked,
             assets,
             limits,
@@ -338,7 +343,9 @@ impl Scene {
         out: &mut dyn Write,
     ) -> io::Result<Written> {
         let to = to.into();
-        pack::write(self.parts(&self.json, replaced, to, relink)?, to, out)
+        let mut parts = self.parts(&self.json, replaced, to, relink)?;
+        parts.warnings.extend(self.beside().into_iter().flat_map(|beside| beside.losses(&self.json)));
+        pack::write(parts, to, out)
     }
 
     /// Makes the file of the scene with this JSON and with some meshes replaced.
@@ -372,6 +379,7 @@ impl Scene {
         let to = to.into();
         let mut parts = self.parts(&json, &replaced, to, relink)?;
         parts.warnings.splice(0..0, losses.warnings());
+        parts.warnings.extend(self.beside().into_iter().flat_map(|beside| beside.losses(&self.json)));
         pack::write(parts, to, out)
     }
 
@@ -407,7 +415,12 @@ impl Scene {
         // How often meshes may be placed depends on the size of the file; the text only serves to determine it.
         let text = serde_json::to_vec(&parts.json).map_err(io::Error::from)?;
         let size = text.len() + parts.bytes.len();
-        let built = BuiltScene { parts, format: Format::Glb, source_vertices: BTreeMap::new() };
+        let built = BuiltScene {
+            parts,
+            format: Format::Glb,
+            source_vertices: BTreeMap::new(),
+            beside: self.beside.clone(),
+        };
         merged_built(built, size, (self.assets.clone(), self.limits))
     }
 
@@ -491,8 +504,28 @@ impl Scene {
     /// Returns a warning for each kind of content beside meshes, nodes and materials, for formats that have only those.
     pub(crate) fn lost_beside_nodes(&self) -> Vec<Warning> {
         let nodes = PlacedNodes::new(&self.json).map(|nodes| nodes.or_all_meshes(&self.json));
-        let placed = nodes.map_or_else(|_| Vec::new(), |nodes| nodes.placements);
+        let mut placed = nodes.map_or_else(|_| Vec::new(), |nodes| nodes.placements);
+        if self.beside.is_some() {
+            // What a slicer does not print is hidden in the scene, and written as what it is.
+            placed.iter_mut().for_each(|place| place.is_hidden = false);
+        }
         inventory::take(&self.json, &placed, inventory::Kept::Nodes).1
+    }
+
+    /// Returns what a 3MF file has beside its scene; `None` for a scene of another format.
+    pub(crate) fn beside(&self) -> Option<&KeptContents> {
+        self.beside.as_deref()
+    }
+
+    /// Returns what only 3MF has of a node; null for nothing.
+    pub(crate) fn node_of_three_mf(&self, node: usize) -> &Value {
+        &self.json["nodes"][node]["extras"][OF_THREE_MF]
+    }
+
+    /// Returns the marks of the triangles of each primitive of a mesh, which only 3MF has; null for none.
+    pub(crate) fn marks(&self, mesh: usize) -> Vec<Value> {
+        let primitives = list(&self.json["meshes"][mesh], "primitives");
+        primitives.iter().map(|primitive| primitive["extras"][OF_THREE_MF].clone()).collect()
     }
 
     /// Returns the description of the file (metadata), as names and texts.

@@ -5,8 +5,10 @@ use std::collections::{BTreeMap, HashMap};
 use glam::{DMat3, DMat4, DVec3};
 use lodsmith_core::Model;
 use lodsmith_core::model::{Node, Transform};
+use serde_json::Value;
 
 use super::build::BUILD_NODE;
+use super::model::OTHER_TYPES;
 use crate::frame::{Frame, Unit};
 
 /// Nodes deeper than this become components of the object at this depth. Guessed: deeper than any assembly, and other
@@ -30,12 +32,34 @@ pub(super) enum ObjectRef {
 pub(super) struct ObjectPlace {
     pub(super) object: ObjectRef,
     pub(super) transform: DMat4,
+    pub(super) is_printable: bool,
+    /// The number of the volume, if the object is a volume of the one that has it as a component.
+    volume: Option<usize>,
+}
+
+/// What a 3MF file said of an object.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct ObjectFacts {
+    /// Its type, if that is not `model`.
+    pub(super) kind: Option<&'static str>,
+    /// Its number in a file with settings that refer to it.
+    pub(super) id: Option<u32>,
+}
+
+impl ObjectFacts {
+    fn new(of_node: &Value, keeps_ids: bool) -> Self {
+        let id = of_node["object"].as_u64().filter(|_| keeps_ids).and_then(|id| u32::try_from(id).ok());
+        // Guessed: far more than any file has, and all further numbers are small enough.
+        let id = id.filter(|id| *id < 1 << 30);
+        Self { kind: OTHER_TYPES.into_iter().find(|kind| of_node["type"] == *kind), id }
+    }
 }
 
 /// An object of components.
 #[derive(Debug, PartialEq)]
 pub(super) struct Assembly {
     pub(super) name: String,
+    pub(super) facts: ObjectFacts,
     pub(super) components: Vec<ObjectPlace>,
 }
 
@@ -46,6 +70,12 @@ pub(super) struct Assemblies {
     /// Objects of components; each places only meshes and earlier objects.
     pub(super) all: Vec<Assembly>,
     pub(super) items: Vec<ObjectPlace>,
+    /// Facts of objects that are meshes.
+    pub(super) of_meshes: BTreeMap<usize, ObjectFacts>,
+    /// Volumes of objects, by the mesh of the first one: numbers and meshes.
+    pub(super) volumes: BTreeMap<usize, Vec<(usize, usize)>>,
+    /// True if settings of a slicer may name objects by their numbers: these are the numbers of the file that was read.
+    pub(super) has_known_ids: bool,
     /// Placed meshes, each with the node that places it if that has no children.
     places: Vec<(usize, Option<usize>)>,
     /// Number of nodes that were left out because they flatten what they place.
@@ -67,44 +97,80 @@ impl Assemblies {
     /// Takes one mesh in these coordinates.
     pub(super) fn of_mesh(frame: Frame) -> Self {
         let transform = if frame.z_up { DMat4::IDENTITY } else { z_up_from_gltf() };
-        let items = vec![ObjectPlace { object: ObjectRef::Mesh(0), transform }];
-        Self { unit: frame.unit, all: Vec::new(), items, places: Vec::new(), flattened: 0 }
+        let item = ObjectPlace { object: ObjectRef::Mesh(0), transform, is_printable: true, volume: None };
+        Self { items: vec![item], ..Self::empty(frame.unit) }
+    }
+
+    fn empty(unit: Unit) -> Self {
+        Self {
+            unit,
+            all: Vec::new(),
+            items: Vec::new(),
+            of_meshes: BTreeMap::new(),
+            volumes: BTreeMap::new(),
+            has_known_ids: false,
+            places: Vec::new(),
+            flattened: 0,
+        }
     }
 
     /// Takes the nodes of a model in the coordinates of glTF. A node with only a mesh places the object of that mesh, a
     /// node with children becomes an object of components; equal nodes share an object. Meshes without faces are left
-    /// out.
-    pub(super) fn new(model: &Model, has_faces: impl Fn(usize) -> bool) -> Self {
+    /// out. `of_node`: what 3MF says of a node; `is_project`: true if settings of a slicer are kept, which name objects.
+    pub(super) fn new<'a>(
+        model: &Model,
+        has_faces: impl Fn(usize) -> bool,
+        of_node: impl Fn(usize) -> &'a Value,
+        is_project: bool,
+    ) -> Self {
         let (unit, roots, first) = match build_of(model) {
             Some((unit, build)) => (unit, &model.nodes[build].children, DMat4::IDENTITY),
             None => (Unit::Meter, &model.roots, z_up_from_gltf()),
         };
-        let (all, items, places) = (Vec::new(), Vec::new(), Vec::new());
-        let mut new = Self { unit, all, items, places, flattened: 0 };
+        let mut new = Self { has_known_ids: is_project, ..Self::empty(unit) };
         let placed = new.placed_nodes(&model.nodes, roots, first);
         let mut parts: Vec<Vec<ObjectPlace>> = placed.iter().map(|_| Vec::new()).collect();
-        let mut known: HashMap<(String, Vec<PlaceBits>), usize> = HashMap::new();
+        let mut known: HashMap<(String, ObjectFacts, Vec<PlaceBits>), usize> = HashMap::new();
         // Children follow their parents, so all components of a node are known when it is reached.
         for (at, PlacedNode { parent, node: index, transform }) in placed.iter().enumerate().rev() {
             let node = &model.nodes[*index];
             let mut components = std::mem::take(&mut parts[at]);
             let mesh = node.mesh.filter(|&m| has_faces(m));
             new.places.extend(mesh.map(|mesh| (mesh, components.is_empty().then_some(*index))));
-            let mesh = mesh.map(ObjectRef::Mesh);
-            let object = if components.is_empty() {
-                mesh
+            let said = of_node(*index);
+            let facts = ObjectFacts::new(said, is_project);
+            let volume = |c: &ObjectPlace| match c.object {
+                ObjectRef::Mesh(mesh) if c.transform == DMat4::IDENTITY => Some((c.volume?, mesh)),
+                _ => None,
+            };
+            let volumes: Option<Vec<(usize, usize)>> = components.iter().rev().map(volume).collect();
+            let volumes = volumes.filter(|_| is_project && mesh.is_none());
+            let object = if let Some(mesh) = mesh.filter(|_| components.is_empty()) {
+                new.of_meshes.entry(mesh).or_insert(facts);
+                Some(ObjectRef::Mesh(mesh))
+            } else if components.is_empty() {
+                None
+            } else if let Some(volumes) = volumes {
+                let first = volumes[0].1;
+                new.of_meshes.insert(first, facts);
+                new.volumes.insert(first, volumes);
+                Some(ObjectRef::Mesh(first))
             } else {
-                components.extend(mesh.map(|object| ObjectPlace { object, transform: DMat4::IDENTITY }));
+                let own = mesh.map(ObjectRef::Mesh);
+                let (transform, is_printable, volume) = (DMat4::IDENTITY, true, None);
+                components.extend(own.map(|object| ObjectPlace { object, transform, is_printable, volume }));
                 components.reverse();
                 let bits = |p: &ObjectPlace| (p.object, p.transform.to_cols_array().map(f64::to_bits));
-                let key = (node.name.clone(), components.iter().map(bits).collect());
+                let key = (node.name.clone(), facts.clone(), components.iter().map(bits).collect());
                 let assembly = *known.entry(key).or_insert_with(|| {
-                    new.all.push(Assembly { name: node.name.clone(), components });
+                    new.all.push(Assembly { name: node.name.clone(), facts, components });
                     new.all.len() - 1
                 });
                 Some(ObjectRef::Assembly(assembly))
             };
-            let place = object.map(|object| ObjectPlace { object, transform: *transform });
+            let (transform, is_printable) = (*transform, said["printable"] != false);
+            let volume = said["volume"].as_u64().map(|at| at as usize);
+            let place = object.map(|object| ObjectPlace { object, transform, is_printable, volume });
             match parent {
                 Some(parent) => parts[*parent].extend(place),
                 None => new.items.extend(place),
@@ -112,7 +178,26 @@ impl Assemblies {
         }
         new.items.reverse();
         new.places.reverse();
+        new.check_ids();
         new
+    }
+
+    /// Forgets the numbers of objects if two of them have the same one.
+    fn check_ids(&mut self) {
+        let mut ids: Vec<u32> = self.ids().collect();
+        ids.sort_unstable();
+        if ids.windows(2).any(|two| two[0] == two[1]) {
+            self.has_known_ids = false;
+            self.of_meshes
+                .values_mut()
+                .chain(self.all.iter_mut().map(|a| &mut a.facts))
+                .for_each(|f| f.id = None);
+        }
+    }
+
+    /// Returns the known numbers of objects.
+    pub(super) fn ids(&self) -> impl Iterator<Item = u32> {
+        self.of_meshes.values().chain(self.all.iter().map(|a| &a.facts)).filter_map(|facts| facts.id)
     }
 
     /// Returns the mesh of each place.

@@ -6,9 +6,12 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
+use super::kept::OF_THREE_MF;
+use super::marks::{ExactPaint, Marks};
 use super::model::parse;
 use super::package::{Package, name_of};
-use super::resources::{Group, Object, Part, PlacedObject};
+use super::resources::{Group, Object, PaintOfTriangle, Part, PlacedObject, TriangleSet};
+use super::settings::Settings;
 use crate::attributes::{linear_colors, linear_of_srgb};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
@@ -58,9 +61,13 @@ pub(super) fn build(
     options
         .limits
         .check_memory("reading 3MF", unpacked.saturating_mul(3).saturating_add(bytes.len() as u64))?;
+    let mut scene = SceneBuilder::new(Format::ThreeMf);
+    let settings = package.settings(&mut |warning| scene.warn(warning));
     let nodes = ALWAYS_ALLOWED_NODES.saturating_add(unpacked as usize / BYTES_PER_NODE).min(MAX_NODES);
     let mut builder = ThreeMfScene {
-        scene: SceneBuilder::new(Format::ThreeMf),
+        scene,
+        settings,
+        paint: BTreeMap::new(),
         package,
         parts,
         paths,
@@ -73,7 +80,12 @@ pub(super) fn build(
     let frame = Frame::new(builder.parts[0].unit(), true);
     let roots = builder.roots(coordinates)?;
     builder.warn();
-    Ok((builder.scene.finish(&roots), frame))
+    let mut kept = builder.package.kept_contents(&mut |warning| builder.scene.warn(warning));
+    kept.namespaces.clone_from(&builder.parts[0].namespaces);
+    kept.paint = builder.paint;
+    let mut built = builder.scene.finish(&roots);
+    built.beside = Some(Arc::new(kept));
+    Ok((built, frame))
 }
 
 /// Reads the first model, and the other parts that it refers to.
@@ -99,12 +111,15 @@ fn read_parts(package: &mut Package<'_>) -> Result<(Vec<Arc<Part>>, PartNumbers)
 
 struct ThreeMfScene<'a> {
     scene: SceneBuilder,
+    settings: Settings,
+    /// See [`KeptContents::paint`](super::kept::KeptContents::paint).
+    paint: BTreeMap<usize, Vec<ExactPaint>>,
     package: Package<'a>,
     /// The parts; the first one has the build.
     parts: Vec<Arc<Part>>,
     paths: HashMap<String, usize>,
-    /// Meshes of objects; `None` for those without triangles.
-    meshes: HashMap<Id, Option<usize>>,
+    /// Meshes of objects, and of volumes of objects; `None` for those without triangles.
+    meshes: HashMap<(Id, Option<usize>), Option<usize>>,
     /// Materials by group, and by entry for groups that have a material for each.
     materials: HashMap<(Id, Option<u32>), Option<usize>>,
     textures: HashMap<Id, Option<usize>>,
@@ -125,7 +140,9 @@ impl ThreeMfScene<'_> {
             let used: HashSet<u32> =
                 first.objects.values().flat_map(|o| &o.components).map(|c| c.object).collect();
             for &object in first.objects.keys().filter(|id| !used.contains(id)) {
-                roots.push(self.place(0, &PlacedObject { path: None, object, transform: None })?);
+                roots.push(
+                    self.place(0, &PlacedObject { path: None, object, transform: None, is_printable: true })?,
+                );
             }
             if !roots.is_empty() {
                 self.scene.warn(Warning::note("the build has no items: all objects are placed"));
@@ -167,13 +184,7 @@ impl ThreeMfScene<'_> {
                 format!("components are nested more than {MAX_DEPTH} deep"),
             ));
         }
-        if self.nodes == 0 {
-            return Err(ReadError::element(
-                name(),
-                "components place more objects than allowed for a file of this size",
-            ));
-        }
-        self.nodes -= 1;
+        self.take_node(&name())?;
         let mut node = json!({});
         if !object.name.is_empty() {
             node["name"] = object.name.as_str().into();
@@ -183,12 +194,38 @@ impl ThreeMfScene<'_> {
         if let Some(matrix) = matrix_of_node(matrix(place, scale), &mut self.scene) {
             node["matrix"] = matrix;
         }
-        if let Some(mesh) = self.mesh(id, object)? {
+        let parent =
+            self.open.last().filter(|_| place.path.is_some() || part == 0).map(|(_, object)| *object);
+        let role = parent.and_then(|parent| self.settings.roles.get(&(parent, place.object)).copied());
+        if self.settings.is_present {
+            node["extras"][OF_THREE_MF]["object"] = place.object.into();
+        }
+        if !place.is_printable {
+            node["extras"][OF_THREE_MF]["printable"] = false.into();
+        }
+        if let Some(kind) = object.kind {
+            node["extras"][OF_THREE_MF]["type"] = kind.into();
+        }
+        self.set_role(&mut node, role, object.kind.is_some_and(|kind| kind != "surface"));
+        let volumes = self.settings.volumes_of(place.object, object.triangles.len()).filter(|_| part == 0);
+        let mut children = Vec::new();
+        if let Some(volumes) = volumes.map(<[_]>::to_vec) {
+            self.check_triangles(id, object)?;
+            for (at, volume) in volumes.into_iter().enumerate() {
+                self.take_node(&name())?;
+                let piece = piece_of(object, volume.first, volume.last);
+                let mut child = json!({ "extras": { OF_THREE_MF: { "volume": at } } });
+                self.set_role(&mut child, volume.role, false);
+                if let Some(mesh) = self.mesh(id, Some(at), &piece)? {
+                    child["mesh"] = mesh.into();
+                }
+                children.push(self.scene.add("nodes", child));
+            }
+        } else if let Some(mesh) = self.mesh(id, None, object)? {
             node["mesh"] = mesh.into();
         }
         let node = self.scene.add("nodes", node);
         self.open.push(id);
-        let mut children = Vec::new();
         for component in &object.components {
             children.push(self.place(part, component)?);
         }
@@ -199,11 +236,25 @@ impl ThreeMfScene<'_> {
         Ok(node)
     }
 
-    /// Returns the mesh of an object; `None` if it has no triangles.
-    fn mesh(&mut self, id: Id, object: &Object) -> Result<Option<usize>, ReadError> {
-        if let Some(&known) = self.meshes.get(&id) {
-            return Ok(known);
+    /// Counts a further node.
+    fn take_node(&mut self, element: &str) -> Result<(), ReadError> {
+        let problem = "components place more objects than allowed for a file of this size";
+        self.nodes = self.nodes.checked_sub(1).ok_or_else(|| ReadError::element(element, problem))?;
+        Ok(())
+    }
+
+    /// Sets what a slicer does with the content of a node, and hides what is not a part of the printed shape.
+    fn set_role(&mut self, node: &mut Value, role: Option<&str>, is_hidden: bool) {
+        if let Some(role) = role {
+            node["extras"][OF_THREE_MF]["role"] = role.into();
         }
+        if role.is_some() || is_hidden {
+            node["extensions"]["KHR_node_visibility"] = json!({ "visible": false });
+            self.scene.uses("KHR_node_visibility");
+        }
+    }
+
+    fn check_triangles(&self, id: Id, object: &Object) -> Result<(), ReadError> {
         let count = object.vertices.len();
         if let Some(at) = object.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= count)) {
             let element = format!("object {}, triangle {at}", id.1);
@@ -212,24 +263,52 @@ impl ThreeMfScene<'_> {
                 format!("it refers to a vertex beyond the {count} of the object"),
             ));
         }
+        Ok(())
+    }
+
+    /// Returns the mesh of an object, or of a volume of one; `None` if it has no triangles.
+    fn mesh(&mut self, id: Id, volume: Option<usize>, object: &Object) -> Result<Option<usize>, ReadError> {
+        if let Some(&known) = self.meshes.get(&(id, volume)) {
+            return Ok(known);
+        }
+        self.check_triangles(id, object)?;
         let mut parts = MeshParts { name: object.name.clone(), ..MeshParts::default() };
         let resolved = self.resolve(id, object)?;
-        if resolved.looks.iter().all(|look| matches!(look, Look::Plain(_))) {
+        let marks = Marks::new(object, &self.parts[id.0].clone());
+        if marks.lost_sets {
+            let text = "sets of triangles are too many, or name triangles that are not there: dropped";
+            self.scene.warn(Warning::lost(text));
+        }
+        let split_triangles;
+        let triangles = if resolved.looks.iter().all(|look| matches!(look, Look::Plain(_))) {
             parts.positions.clone_from(&object.vertices);
-            let materials = resolved.of_triangle.iter().map(|&look| resolved.looks[look].material());
-            parts.primitives = by_material(materials, &object.triangles);
+            &object.triangles
         } else {
-            split(object, &resolved, &mut parts);
+            split_triangles = split(object, &resolved, &mut parts);
+            &split_triangles
+        };
+        let of_triangle = resolved.of_triangle.iter().enumerate();
+        let keys = of_triangle.map(|(at, &look)| (resolved.looks[look].material(), marks.of(at)));
+        let (groups, order) = grouped(keys, triangles);
+        for ((material, mark), triangles) in groups {
+            parts.primitives.push((material, triangles));
+            parts.marks.push(marks.extras(mark));
         }
         let mesh = self.scene.mesh(parts);
-        self.meshes.insert(id, mesh);
+        if let Some(mesh) = mesh.filter(|_| !marks.exact.is_empty()) {
+            let mut exact = marks.exact;
+            exact.iter_mut().for_each(|(triangle, ..)| *triangle = order[*triangle as usize]);
+            exact.sort_unstable();
+            self.paint.insert(mesh, exact);
+        }
+        self.meshes.insert((id, volume), mesh);
         Ok(mesh)
     }
 
     /// Finds the properties of the triangles of an object.
     fn resolve(&mut self, (part, number): Id, object: &Object) -> Result<Resolved, ReadError> {
         let owner = self.parts[part].clone();
-        let (mut known, mut resolved) = (HashMap::new(), Resolved::default());
+        let (mut known, mut resolved, mut is_beyond) = (HashMap::new(), Resolved::default(), false);
         for at in 0..object.triangles.len() {
             let own = object.properties.get(at).and_then(|p| Some((p.group?, p.corners)));
             let property = own.or(object.property.map(|(group, entry)| (group, [entry; 3])));
@@ -254,7 +333,15 @@ impl ThreeMfScene<'_> {
                 }
             };
             resolved.of_triangle.push(look);
-            resolved.corners.push(property.map_or([0; 3], |(_, corners)| corners));
+            let corners = property.map_or([0; 3], |(_, corners)| corners);
+            let length = resolved.looks[look].length().unwrap_or(usize::MAX);
+            is_beyond |= corners.iter().any(|&corner| corner as usize >= length);
+            resolved.corners.push(corners);
+        }
+        if is_beyond {
+            let text =
+                "some triangles use colours or texture coordinates beyond the end of their group: dropped";
+            self.scene.warn(Warning::lost(text));
         }
         Ok(resolved)
     }
@@ -433,6 +520,15 @@ enum Look {
 }
 
 impl Look {
+    /// Returns the number of values; `None` if it needs none.
+    fn length(&self) -> Option<usize> {
+        match self {
+            Self::Plain(_) => None,
+            Self::Colors(_, all) => Some(all.len()),
+            Self::Texture(_, all) => Some(all.len()),
+        }
+    }
+
     fn material(&self) -> Option<usize> {
         match self {
             Self::Plain(material) | Self::Colors(material, _) | Self::Texture(material, _) => *material,
@@ -449,8 +545,8 @@ fn picked<T: Copy + Default>(values: &[T], indices: Option<Vec<u32>>) -> Vec<T> 
     }
 }
 
-/// Splits vertices whose corners have different values.
-fn split(object: &Object, resolved: &Resolved, parts: &mut MeshParts) {
+/// Splits vertices whose corners have different values; returns the triangles.
+fn split(object: &Object, resolved: &Resolved, parts: &mut MeshParts) -> Vec<[u32; 3]> {
     // A vertex, with the look and the entry of one of its corners.
     let key = |at: usize, k: usize| {
         let look = resolved.of_triangle[at];
@@ -479,27 +575,66 @@ fn split(object: &Object, resolved: &Resolved, parts: &mut MeshParts) {
         parts.uvs = vec![keys.iter().map(uv).collect()];
     }
     let number = |at: usize, k: usize| keys.binary_search(&key(at, k)).unwrap_or(0) as u32;
-    let triangles: Vec<[u32; 3]> =
-        (0..object.triangles.len()).map(|at| [0, 1, 2].map(|k| number(at, k))).collect();
-    let materials = resolved.of_triangle.iter().map(|&look| resolved.looks[look].material());
-    parts.primitives = by_material(materials, &triangles);
+    (0..object.triangles.len()).map(|at| [0, 1, 2].map(|k| number(at, k))).collect()
 }
 
-/// Groups triangles by material, in the order in which materials first appear.
-fn by_material(
-    materials: impl Iterator<Item = Option<usize>>,
-    triangles: &[[u32; 3]],
-) -> Vec<(Option<usize>, Vec<[u32; 3]>)> {
-    let mut groups: Vec<(Option<usize>, Vec<[u32; 3]>)> = Vec::new();
-    let mut place_of = BTreeMap::new();
-    for (material, triangle) in materials.zip(triangles) {
-        let at = *place_of.entry(material).or_insert_with(|| {
-            groups.push((material, Vec::new()));
+/// A material and a mark.
+type GroupKey = (Option<usize>, u32);
+
+/// Triangles with one material and mark.
+type TriangleGroup = (GroupKey, Vec<[u32; 3]>);
+
+/// Groups triangles by material and mark, in the order in which these first appear. Also returns the place of each triangle
+/// among those of all groups.
+fn grouped(keys: impl Iterator<Item = GroupKey>, triangles: &[[u32; 3]]) -> (Vec<TriangleGroup>, Vec<u32>) {
+    let mut groups: Vec<TriangleGroup> = Vec::new();
+    let (mut place_of, mut places) = (BTreeMap::new(), Vec::new());
+    for (key, triangle) in keys.zip(triangles) {
+        let at = *place_of.entry(key).or_insert_with(|| {
+            groups.push((key, Vec::new()));
             groups.len() - 1
         });
+        places.push((at, groups[at].1.len()));
         groups[at].1.push(*triangle);
     }
-    groups
+    let firsts: Vec<usize> = groups
+        .iter()
+        .scan(0, |next, (_, own)| {
+            *next += own.len();
+            Some(*next - own.len())
+        })
+        .collect();
+    let order = places.into_iter().map(|(at, within)| (firsts[at] + within) as u32).collect();
+    (groups, order)
+}
+
+/// Returns a range of the triangles of an object as an object of its own, with the vertices that they use.
+fn piece_of(object: &Object, first: u32, last: u32) -> Object {
+    let range = first as usize..last as usize + 1;
+    let triangles = &object.triangles[range.clone()];
+    let mut used: Vec<u32> = triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let number = |v: u32| used.binary_search(&v).unwrap_or(0) as u32;
+    let within =
+        |[a, b]: [u32; 2]| (a <= last && b >= first).then(|| [a.max(first) - first, b.min(last) - first]);
+    let sets = object.sets.iter().map(|set| TriangleSet {
+        name: set.name.clone(),
+        identifier: set.identifier.clone(),
+        ranges: set.ranges.iter().copied().filter_map(within).collect(),
+    });
+    let paint = object.paint.iter().filter(|p| range.contains(&(p.triangle as usize)));
+    Object {
+        name: object.name.clone(),
+        kind: object.kind,
+        property: object.property,
+        vertices: used.iter().map(|&v| object.vertices[v as usize]).collect(),
+        triangles: triangles.iter().map(|t| t.map(number)).collect(),
+        properties: range.clone().map_while(|at| object.properties.get(at).copied()).collect(),
+        paint: paint.map(|p| PaintOfTriangle { triangle: p.triangle - first, ..*p }).collect(),
+        sets: sets.collect(),
+        components: Vec::new(),
+    }
 }
 
 /// A material whose colour comes from vertices or a texture.

@@ -6,10 +6,15 @@ use std::io;
 use glam::DMat4;
 use lodsmith_core::model::{TextureRef, Wrap};
 use lodsmith_core::{Positions, TriMesh, WedgeId};
+use serde_json::Value;
 
-use super::assemblies::{Assemblies, ObjectPlace, ObjectRef};
+use super::assemblies::{Assemblies, ObjectFacts, ObjectPlace, ObjectRef};
 use super::looks::{Looks, LostParts, key_of};
+use super::marks::{
+    ExactPaint, PAINTS, PRUSA_NAMESPACE, PRUSA_PREFIX, RegionMarks, SETS_NAMESPACE, SETS_PREFIX, WrittenSets,
+};
 use super::properties::{Properties, Shown, TextureCoordinates, bytes_of_linear};
+use super::settings::WrittenObjects;
 use crate::material::{bytes_with_mipmaps, size_of};
 use crate::numbers::TextOut;
 use crate::sizes::Sizes;
@@ -22,6 +27,10 @@ pub(super) struct MeshObject<'a> {
     pub(super) of_region: Vec<Option<usize>>,
     /// The source vertex of each wedge, if the file distinguished vertices at equal positions.
     pub(super) sources: Option<Vec<u32>>,
+    /// Marks of the regions; null for none. Regions beyond the end have none.
+    pub(super) marks: Vec<Value>,
+    /// Paint of triangles of which a part is painted, ascending.
+    pub(super) paint: &'a [ExactPaint],
 }
 
 /// A model part.
@@ -39,6 +48,8 @@ pub(super) struct ModelPart<'a> {
     texture_numbers: HashMap<(usize, [u8; 3]), usize>,
     /// True if colours had more digits than a byte.
     pub(super) is_rounded: bool,
+    /// All numbers above are free.
+    last_id: usize,
 }
 
 /// The numbers of the resources of a mesh.
@@ -46,22 +57,39 @@ struct MeshIds {
     colors: usize,
     /// The first group of texture coordinates.
     coordinates: usize,
-    object: usize,
 }
 
-/// The numbers of resources: groups for all objects, then the textures, then the objects with their own groups.
+/// The numbers of resources, above those of objects that keep theirs: groups for all objects, then the textures, then the
+/// other objects with the groups of each.
 const MATERIALS: usize = 1;
 const DISPLAY: usize = 2;
 const FIRST_TEXTURE: usize = 3;
 
+/// What is written before the resources.
+pub(super) struct Header<'a> {
+    pub(super) metadata: &'a [(String, String)],
+    /// Namespaces of prefixes that names of metadata have.
+    pub(super) namespaces: Vec<&'a (String, String)>,
+}
+
 impl<'a> ModelPart<'a> {
-    pub(super) fn new(looks: &'a Looks, objects: &'a [Option<MeshObject<'a>>], lost: &mut LostParts) -> Self {
+    pub(super) fn new(
+        looks: &'a Looks,
+        objects: &'a [Option<MeshObject<'a>>],
+        placed: &Assemblies,
+        lost: &mut LostParts,
+    ) -> Self {
         let mut is_rounded = false;
         let mut of_object = |object: &'a MeshObject<'a>| {
             Properties::new(object.mesh, looks, &object.of_region, (&mut *lost, &mut is_rounded))
         };
-        let properties: Vec<Option<Properties<'_>>> =
+        let mut properties: Vec<Option<Properties<'_>>> =
             objects.iter().map(|object| object.as_ref().map(&mut of_object)).collect();
+        for volumes in placed.volumes.values() {
+            let is_piece = |mesh: usize| volumes.iter().any(|&(_, other)| other == mesh);
+            let own = properties.iter_mut().enumerate().filter(|(mesh, _)| is_piece(*mesh));
+            Properties::join(&mut own.filter_map(|(_, piece)| piece.as_mut()).collect::<Vec<_>>());
+        }
         let all = || properties.iter().flatten();
         let materials: BTreeSet<usize> = all().flat_map(|p| p.materials.iter().copied()).collect();
         let has_default = all().any(Properties::is_mixed);
@@ -73,7 +101,18 @@ impl<'a> ModelPart<'a> {
             });
         }
         let materials = materials.into_iter().collect();
-        Self { looks, objects, properties, materials, has_default, textures, texture_numbers, is_rounded }
+        let last_id = 0;
+        Self {
+            looks,
+            objects,
+            properties,
+            materials,
+            has_default,
+            textures,
+            texture_numbers,
+            is_rounded,
+            last_id,
+        }
     }
 
     /// Returns the images that triangles show.
@@ -96,48 +135,70 @@ impl<'a> ModelPart<'a> {
         sizes
     }
 
-    /// Writes the part; returns the number of triangles that were left out.
+    /// Writes the part; returns the number of triangles that were left out, and what was written of each object.
     pub(super) fn write(
-        &self,
+        &mut self,
         placed: &Assemblies,
-        metadata: &[(String, String)],
+        header: &Header<'_>,
         out: &mut TextOut<'_>,
-    ) -> io::Result<usize> {
-        out.text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"");
-        out.text(placed.unit.name());
-        out.text("\" xml:lang=\"en-US\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"");
-        out.text(" xmlns:m=\"http://schemas.microsoft.com/3dmanufacturing/material/2015/02\">\n");
-        for (name, value) in metadata {
-            out.text(&format!(" <metadata name=\"{name}\">{}</metadata>\n", escaped(value)));
-        }
-        out.text(" <metadata name=\"Application\">Lodsmith</metadata>\n <resources>\n");
+    ) -> io::Result<(usize, WrittenObjects)> {
+        self.last_id = placed.ids().max().unwrap_or(0) as usize;
+        self.write_header(placed, header, out)?;
         self.write_materials(out)?;
         self.write_textures(out)?;
-        let (mut next, mut skipped) = (FIRST_TEXTURE + self.textures.len(), 0);
-        let mut ids = Vec::new();
-        for (object, properties) in self.objects.iter().zip(&self.properties) {
-            let (Some(object), Some(properties)) = (object, properties) else {
-                ids.push(0);
+        let (mut next, mut skipped) = (self.last_id + FIRST_TEXTURE + self.textures.len(), 0);
+        let mut written = WrittenObjects::default();
+        let mut ids = vec![0; self.objects.len()];
+        let further: BTreeSet<usize> =
+            placed.volumes.values().flat_map(|all| all[1..].iter().map(|&(_, mesh)| mesh)).collect();
+        for mesh in (0..self.objects.len()).filter(|mesh| !further.contains(mesh)) {
+            let alone = [(0, mesh)];
+            let volumes = placed.volumes.get(&mesh).map_or(&alone[..], Vec::as_slice);
+            let mut pieces = Vec::new();
+            for &(volume, mesh) in volumes {
+                let (Some(object), Some(properties)) = (&self.objects[mesh], &self.properties[mesh]) else {
+                    continue;
+                };
+                let own = MeshIds { colors: next, coordinates: next + 1 };
+                next += 1 + properties.coordinates.len();
+                self.write_groups(object.mesh, properties, &own, out)?;
+                pieces.push((volume, object, properties, own));
+            }
+            if pieces.is_empty() {
                 continue;
-            };
-            let own = MeshIds {
-                colors: next,
-                coordinates: next + 1,
-                object: next + 1 + properties.coordinates.len(),
-            };
-            next = own.object + 1;
-            ids.push(own.object);
-            self.write_groups(object.mesh, properties, &own, out)?;
-            skipped += self.write_object(object, properties, &own, out)?;
+            }
+            let facts = placed.of_meshes.get(&mesh).cloned().unwrap_or_default();
+            ids[mesh] = facts.id.map_or(next, |id| id as usize);
+            next += usize::from(facts.id.is_none());
+            let counts = self.write_object(&pieces, (ids[mesh], &facts), out)?;
+            skipped += pieces.iter().map(|(_, object, ..)| object.mesh.face_count()).sum::<usize>()
+                - counts.iter().sum::<usize>();
+            let id = ids[mesh] as u32;
+            if placed.volumes.contains_key(&mesh) {
+                let of_volumes = written.volumes.entry(id).or_default();
+                for ((volume, ..), count) in pieces.iter().zip(counts) {
+                    of_volumes.resize(of_volumes.len().max(volume + 1), 0);
+                    of_volumes[*volume] = count;
+                }
+            } else {
+                written.faces.insert(id, counts.iter().sum());
+            }
         }
-        let first_assembly = next;
+        let of_assembly: Vec<usize> = placed
+            .all
+            .iter()
+            .map(|assembly| {
+                next += usize::from(assembly.facts.id.is_none());
+                assembly.facts.id.map_or(next - 1, |id| id as usize)
+            })
+            .collect();
+        written.assemblies = of_assembly.iter().map(|&id| id as u32).collect();
         let number = |object: ObjectRef| match object {
             ObjectRef::Mesh(mesh) => ids[mesh],
-            ObjectRef::Assembly(at) => first_assembly + at,
+            ObjectRef::Assembly(at) => of_assembly[at],
         };
-        for (at, assembly) in placed.all.iter().enumerate() {
-            out.text(&format!("  <object id=\"{}\" type=\"model\"", first_assembly + at));
-            write_name(&assembly.name, out);
+        for (assembly, id) in placed.all.iter().zip(&of_assembly) {
+            write_begin(*id, &assembly.facts, &assembly.name, out);
             out.text(">\n   <components>\n");
             for component in &assembly.components {
                 write_place("    <component", component, number(component.object), out)?;
@@ -150,7 +211,49 @@ impl<'a> ModelPart<'a> {
         }
         out.text(" </build>\n</model>\n");
         out.finish()?;
-        Ok(skipped)
+        Ok((skipped, written))
+    }
+
+    fn write_header(
+        &self,
+        placed: &Assemblies,
+        header: &Header<'_>,
+        out: &mut TextOut<'_>,
+    ) -> io::Result<()> {
+        out.text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"");
+        out.text(placed.unit.name());
+        out.text("\" xml:lang=\"en-US\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\"");
+        out.text(" xmlns:m=\"http://schemas.microsoft.com/3dmanufacturing/material/2015/02\"");
+        let marks = || self.objects.iter().flatten().flat_map(|object| &object.marks);
+        let has_sets = marks().any(|mark| !mark["sets"].is_null());
+        let is_prusa = |mark: &Value| {
+            PAINTS.iter().any(|(name, prefix)| *prefix == PRUSA_PREFIX && !mark["paint"][name].is_null())
+        };
+        let painted = self.objects.iter().flatten().flat_map(|object| object.paint);
+        let has_prusa =
+            marks().any(is_prusa) || painted.into_iter().any(|p| PAINTS[usize::from(p.1)].1 == PRUSA_PREFIX);
+        let mut prefixes = vec!["m"];
+        for (is_used, prefix, uri) in
+            [(has_sets, SETS_PREFIX, SETS_NAMESPACE), (has_prusa, PRUSA_PREFIX, PRUSA_NAMESPACE)]
+        {
+            let prefix = prefix.trim_end_matches(':');
+            if is_used {
+                prefixes.push(prefix);
+                out.text(&format!(" xmlns:{prefix}=\"{uri}\""));
+            }
+        }
+        for (prefix, uri) in header.namespaces.iter().filter(|(prefix, _)| !prefixes.contains(&&**prefix)) {
+            out.text(&format!(" xmlns:{prefix}=\"{}\"", escaped(uri)));
+        }
+        out.text(">\n");
+        for (name, value) in header.metadata {
+            out.text(&format!(" <metadata name=\"{}\">{}</metadata>\n", escaped(name), escaped(value)));
+        }
+        if !header.metadata.iter().any(|(name, _)| name == APPLICATION) {
+            out.text(&format!(" <metadata name=\"{APPLICATION}\">Lodsmith</metadata>\n"));
+        }
+        out.text(" <resources>");
+        out.end_line()
     }
 
     fn write_materials(&self, out: &mut TextOut<'_>) -> io::Result<()> {
@@ -160,8 +263,9 @@ impl<'a> ModelPart<'a> {
         let looks = || self.materials.iter().map(|&m| &self.looks.all[m]);
         let mut display = String::new();
         if !looks().all(|look| look.is_dull()) {
-            display = format!(" m:displaypropertiesid=\"{DISPLAY}\"");
-            out.text(&format!("  <m:pbmetallicdisplayproperties id=\"{DISPLAY}\">\n"));
+            let id = self.last_id + DISPLAY;
+            display = format!(" m:displaypropertiesid=\"{id}\"");
+            out.text(&format!("  <m:pbmetallicdisplayproperties id=\"{id}\">\n"));
             let mut entry = |name: &str, metalness: f64, roughness: f64| {
                 out.text(&format!(
                     "   <m:pbmetallic name=\"{}\" metallicness=\"{metalness}\" roughness=\"{roughness}\"/>",
@@ -175,7 +279,7 @@ impl<'a> ModelPart<'a> {
             }
             out.text("  </m:pbmetallicdisplayproperties>\n");
         }
-        out.text(&format!("  <basematerials id=\"{MATERIALS}\"{display}>\n"));
+        out.text(&format!("  <basematerials id=\"{}\"{display}>\n", self.last_id + MATERIALS));
         let mut entry = |name: &str, color: [u8; 4]| {
             let name = escaped(name);
             out.text(&format!("   <base name=\"{name}\" displaycolor=\"{}\"/>", hex(color)));
@@ -191,7 +295,7 @@ impl<'a> ModelPart<'a> {
 
     fn write_textures(&self, out: &mut TextOut<'_>) -> io::Result<()> {
         for (at, TextureRef { image: picture, sampler, .. }) in self.textures.iter().enumerate() {
-            let (id, path) = (FIRST_TEXTURE + at, self.looks.path_of(*picture));
+            let (id, path) = (self.last_id + FIRST_TEXTURE + at, self.looks.path_of(*picture));
             let kind = self.looks.pictures[*picture].kind;
             out.text(&format!("  <m:texture2d id=\"{id}\" path=\"{path}\" contenttype=\"{kind}\""));
             for (way, wrap) in [("u", sampler.wrap_u), ("v", sampler.wrap_v)] {
@@ -227,7 +331,7 @@ impl<'a> ModelPart<'a> {
             let TextureCoordinates { texture, wedges } = coordinates;
             let number = self.texture_numbers.get(&key_of(texture).0);
             let Some(texture) = number.filter(|_| !wedges.is_empty()) else { continue };
-            let (id, texture) = (ids.coordinates + at, FIRST_TEXTURE + texture);
+            let (id, texture) = (ids.coordinates + at, self.last_id + FIRST_TEXTURE + texture);
             out.text(&format!("  <m:texture2dgroup id=\"{id}\" texid=\"{texture}\">\n"));
             for [u, v] in coordinates.values(mesh) {
                 out.text("   <m:tex2coord u=\"");
@@ -242,68 +346,90 @@ impl<'a> ModelPart<'a> {
         Ok(())
     }
 
-    /// Writes an object; returns the number of triangles that were left out.
+    /// Writes an object of these pieces; returns the number of triangles that were written of each. Triangles with the same
+    /// vertex twice are left out.
     fn write_object(
         &self,
-        object: &MeshObject<'_>,
-        properties: &Properties<'_>,
-        ids: &MeshIds,
+        pieces: &[Piece<'_>],
+        (id, facts): (usize, &ObjectFacts),
         out: &mut TextOut<'_>,
-    ) -> io::Result<usize> {
-        let mesh = object.mesh;
-        let property = |face: usize| self.property(properties, ids, face);
-        out.text(&format!("  <object id=\"{}\" type=\"model\"", ids.object));
-        write_name(&object.name, out);
+    ) -> io::Result<Vec<usize>> {
+        let (_, first, properties, own_ids) = &pieces[0];
+        write_begin(id, facts, &first.name, out);
         // An object whose triangles have properties must have a property itself, which applies to the other
         // triangles.
-        let own =
-            (mesh.face_count() > 0).then(|| property(0)).flatten().map(|(group, [first, ..])| (group, first));
+        let own = (first.mesh.face_count() > 0)
+            .then(|| self.property(properties, own_ids, 0))
+            .flatten()
+            .map(|(group, [entry, ..])| (group, entry));
         if let Some((group, entry)) = own {
             out.text(&format!(" pid=\"{group}\" pindex=\"{entry}\""));
         }
         out.text(">\n   <mesh>\n    <vertices>\n");
-        let vertex_of = write_vertices(object, out)?;
+        let (mut numbers, mut count) = (Vec::new(), 0);
+        for (_, object, ..) in pieces {
+            let (written, number) = write_vertices(object, out)?;
+            numbers.push((count, number));
+            count += written;
+        }
         out.text("    </vertices>\n    <triangles>\n");
-        let mut skipped = 0;
-        for (face, wedges) in mesh.triangles().iter().enumerate() {
-            let vertices = wedges.map(&vertex_of);
-            let [a, b, c] = vertices;
-            if a == b || b == c || c == a {
-                skipped += 1;
-                continue;
-            }
-            for (name, vertex) in ["     <triangle v1=\"", "\" v2=\"", "\" v3=\""].iter().zip(vertices) {
-                out.text(name);
-                out.parse_integer(vertex);
-            }
-            if let Some((group, entries)) = property(face) {
-                let is_uniform = entries.iter().all(|e| *e == entries[0]);
-                if !(is_uniform && own == Some((group, entries[0]))) {
-                    out.text("\" pid=\"");
-                    out.parse_integer(group);
-                    let count = if is_uniform { 1 } else { 3 };
-                    for (name, entry) in ["\" p1=\"", "\" p2=\"", "\" p3=\""].iter().zip(entries).take(count)
-                    {
-                        out.text(name);
-                        out.parse_integer(entry);
+        let (mut counts, mut at) = (Vec::new(), 0);
+        let mut sets = WrittenSets::default();
+        for ((_, object, properties, ids), (offset, number)) in pieces.iter().zip(&numbers) {
+            let before = at;
+            let mut marks = RegionMarks::new(&object.marks, object.paint);
+            sets.begin(&object.marks);
+            let regions = object.mesh.regions();
+            for (face, wedges) in object.mesh.triangles().iter().enumerate() {
+                let vertices = wedges.map(|w| number(w) + offset);
+                let [a, b, c] = vertices;
+                if a == b || b == c || c == a {
+                    continue;
+                }
+                for (name, vertex) in ["     <triangle v1=\"", "\" v2=\"", "\" v3=\""].iter().zip(vertices) {
+                    out.text(name);
+                    out.parse_integer(vertex);
+                }
+                if let Some((group, entries)) = self.property(properties, ids, face) {
+                    let is_uniform = entries.iter().all(|e| *e == entries[0]);
+                    if !(is_uniform && own == Some((group, entries[0]))) {
+                        out.text("\" pid=\"");
+                        out.parse_integer(group);
+                        let count = if is_uniform { 1 } else { 3 };
+                        let names = ["\" p1=\"", "\" p2=\"", "\" p3=\""];
+                        for (name, entry) in names.iter().zip(entries).take(count) {
+                            out.text(name);
+                            out.parse_integer(entry);
+                        }
                     }
                 }
+                let region = regions.map_or(0, |r| r[face].index());
+                out.text("\"");
+                marks.write(face, region, out);
+                sets.add(region, at as u32);
+                out.text("/>");
+                out.end_line()?;
+                at += 1;
             }
-            out.text("\"/>");
-            out.end_line()?;
+            counts.push(at - before);
         }
-        out.text("    </triangles>\n   </mesh>\n  </object>\n");
-        Ok(skipped)
+        out.text("    </triangles>\n");
+        sets.write(out)?;
+        out.text("   </mesh>\n  </object>\n");
+        Ok(counts)
     }
 
     /// Returns the group of properties of a triangle and the entries of its corners.
     fn property(&self, properties: &Properties<'_>, ids: &MeshIds, face: usize) -> Option<(usize, [u32; 3])> {
         let wedges = properties.mesh.triangles()[face];
         match properties.shown(face) {
-            Shown::Nothing => properties.is_mixed().then_some((MATERIALS, [self.materials.len() as u32; 3])),
-            Shown::Material(material) => {
-                Some((MATERIALS, [self.materials.partition_point(|&m| m < material) as u32; 3]))
+            Shown::Nothing => {
+                properties.is_mixed().then_some((self.last_id + MATERIALS, [self.materials.len() as u32; 3]))
             }
+            Shown::Material(material) => Some((
+                self.last_id + MATERIALS,
+                [self.materials.partition_point(|&m| m < material) as u32; 3],
+            )),
             Shown::Colors => Some((ids.colors, wedges.map(|w| properties.color_entry(w)))),
             Shown::Texture(group) => {
                 let coordinates = &properties.coordinates[group];
@@ -313,14 +439,23 @@ impl<'a> ModelPart<'a> {
     }
 }
 
+/// A piece of an object: the number of its volume, its mesh, the properties of its triangles and their numbers.
+type Piece<'a> = (usize, &'a MeshObject<'a>, &'a Properties<'a>, MeshIds);
+
+/// A function that returns the vertex of a wedge.
+type VertexNumbers<'a> = Box<dyn Fn(WedgeId) -> u32 + 'a>;
+
+/// Name of metadata: the program that wrote the file.
+pub(super) const APPLICATION: &str = "Application";
+
 /// Name of the material of triangles that have none, in an object where others have properties.
 const DEFAULT: &str = "default";
 
-/// Writes the vertices of an object; returns a function that gives the vertex of a wedge.
+/// Writes the vertices of an object; returns their number and a function that gives the vertex of a wedge.
 fn write_vertices<'a>(
     object: &'a MeshObject<'_>,
     out: &mut TextOut<'_>,
-) -> io::Result<Box<dyn Fn(WedgeId) -> u32 + 'a>> {
+) -> io::Result<(u32, VertexNumbers<'a>)> {
     fn row<T: zmij::Float + Copy>(out: &mut TextOut<'_>, p: &[T; 3]) -> io::Result<()> {
         for (name, &x) in ["     <vertex x=\"", "\" y=\"", "\" z=\""].iter().zip(p) {
             out.text(name);
@@ -338,16 +473,25 @@ fn write_vertices<'a>(
         for &(_, wedge) in &first {
             row(out, &positions[mesh.vertex_of(WedgeId(wedge)).index()])?;
         }
-        return Ok(Box::new(move |w| {
+        let count = first.len() as u32;
+        let number = move |w: WedgeId| {
             let source = sources[w.index()];
             first.partition_point(|(s, _)| *s < source) as u32
-        }));
+        };
+        return Ok((count, Box::new(number)));
     }
     match mesh.positions() {
         Positions::F32(all) => all.iter().try_for_each(|p| row(out, p))?,
         Positions::F64(all) => all.iter().try_for_each(|p| row(out, p))?,
     }
-    Ok(Box::new(|w| mesh.vertex_of(w).0))
+    Ok((mesh.vertex_count() as u32, Box::new(|w| mesh.vertex_of(w).0)))
+}
+
+/// Writes the begin of an object, but for its end.
+fn write_begin(id: usize, facts: &ObjectFacts, name: &str, out: &mut TextOut<'_>) {
+    let kind = facts.kind.unwrap_or("model");
+    out.text(&format!("  <object id=\"{id}\" type=\"{kind}\""));
+    write_name(name, out);
 }
 
 fn write_name(name: &str, out: &mut TextOut<'_>) {
@@ -372,7 +516,7 @@ fn write_place(element: &str, place: &ObjectPlace, id: usize, out: &mut TextOut<
         }
         out.byte(b'"');
     }
-    out.text("/>");
+    out.text(if place.is_printable { "/>" } else { " printable=\"0\"/>" });
     out.end_line()
 }
 
@@ -382,7 +526,7 @@ fn finite(x: f32) -> f32 {
 }
 
 /// Returns a text for XML, with characters that it cannot hold replaced.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let plain: String = text
         .chars()
         .map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '_' } else { c })

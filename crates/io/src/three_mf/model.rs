@@ -6,7 +6,10 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::resources::{Group, Object, Part, PlacedObject, TextureFile, Transform, TriangleProperty};
+use super::marks::PAINTS;
+use super::resources::{
+    Group, Object, PaintOfTriangle, Part, PlacedObject, TextureFile, Transform, TriangleProperty, TriangleSet,
+};
 use crate::error::ReadError;
 use crate::excerpt::{excerpt, excerpt_of_bytes};
 use crate::frame::Unit;
@@ -19,6 +22,9 @@ type Problem = String;
 const REPEAT: u32 = 10497;
 const MIRROR: u32 = 33648;
 const CLAMP: u32 = 33071;
+
+/// Types of objects other than `model`.
+pub(super) const OTHER_TYPES: [&str; 4] = ["solidsupport", "support", "surface", "other"];
 
 /// Namespaces of extensions that a reader may be required to know, by the ends of their names, and which of their
 /// contents are lost.
@@ -122,6 +128,7 @@ impl ModelParser {
     fn begin(&mut self, e: &BytesStart<'_>) -> Result<(), Problem> {
         match e.local_name().as_ref() {
             b"vertex" => self.vertex(e),
+            b"triangleset" | b"ref" | b"refrange" => self.triangle_set(e),
             b"triangle" => self.triangle(e),
             b"model" => self.model(e),
             b"metadata" => {
@@ -202,6 +209,14 @@ impl ModelParser {
 
     fn model(&mut self, e: &BytesStart<'_>) -> Result<(), Problem> {
         self.is_model = true;
+        for attribute in e.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|e| format!("an attribute is damaged: {e}"))?;
+            if let Some(prefix) = attribute.key.as_ref().strip_prefix(b"xmlns:") {
+                let [prefix, uri] =
+                    [prefix, &*attribute.value].map(|t| String::from_utf8_lossy(t).into_owned());
+                self.part.namespaces.push((prefix, uri));
+            }
+        }
         if let Some(unit) = attribute(e, b"unit")? {
             let known = Unit::ALL.into_iter().find(|u| u.name() == unit);
             self.part.unit =
@@ -229,7 +244,27 @@ impl ModelParser {
         if let Some(group) = number(e, b"pid")? {
             object.property = Some((group, number(e, b"pindex")?.unwrap_or(0)));
         }
+        let kind = attribute(e, b"type")?;
+        object.kind = OTHER_TYPES.into_iter().find(|other| kind.as_deref() == Some(other));
         self.object = Some((required_number(e, b"id")?, object));
+        Ok(())
+    }
+
+    fn triangle_set(&mut self, e: &BytesStart<'_>) -> Result<(), Problem> {
+        let Some((_, object)) = &mut self.object else { return Ok(()) };
+        let range = match e.local_name().as_ref() {
+            b"triangleset" => {
+                let text = |name: &[u8]| Ok::<_, Problem>(attribute(e, name)?.unwrap_or_default());
+                let (name, identifier) = (text(b"name")?, text(b"identifier")?);
+                object.sets.push(TriangleSet { name, identifier, ranges: Vec::new() });
+                return Ok(());
+            }
+            b"ref" => [required_number(e, b"index")?; 2],
+            _ => [required_number(e, b"startindex")?, required_number(e, b"endindex")?],
+        };
+        if let Some(set) = object.sets.last_mut() {
+            set.ranges.push(range);
+        }
         Ok(())
     }
 
@@ -258,7 +293,7 @@ impl ModelParser {
         let mut corners = [None; 3];
         let mut entries = [None; 3];
         let mut group = None;
-        let mut is_painted = false;
+        let at = object.triangles.len();
         for attribute in e.attributes().with_checks(false) {
             let attribute = attribute.map_err(|e| format!("an attribute is damaged: {e}"))?;
             let value = &*attribute.value;
@@ -270,11 +305,19 @@ impl ModelParser {
                 b"p1" => entries[0] = Some(whole(value)?),
                 b"p2" => entries[1] = Some(whole(value)?),
                 b"p3" => entries[2] = Some(whole(value)?),
-                b"mmu_segmentation" | b"paint_color" => is_painted = true,
-                _ => {}
+                name => {
+                    let kind = PAINTS.iter().position(|(paint, _)| paint.as_bytes() == name);
+                    let is_word = value.iter().all(u8::is_ascii_alphanumeric);
+                    if kind.is_some() && !is_word {
+                        self.part.drop_content("paint in a form that no slicer writes");
+                    }
+                    if let Some(kind) = kind.filter(|_| is_word && !value.is_empty()) {
+                        let text = self.part.paint_number(value);
+                        object.paint.push(PaintOfTriangle { triangle: at as u32, kind: kind as u8, text });
+                    }
+                }
             }
         }
-        let at = object.triangles.len();
         let [Some(a), Some(b), Some(c)] = corners else {
             return Err(format!("triangle {at} lacks v1, v2 or v3"));
         };
@@ -287,9 +330,6 @@ impl ModelParser {
             let first = entries[0].unwrap_or(0);
             let corners = [first, entries[1].unwrap_or(first), entries[2].unwrap_or(first)];
             object.properties.push(TriangleProperty { group, corners });
-        }
-        if is_painted {
-            self.part.drop_content("colours painted in a slicer");
         }
         Ok(())
     }
@@ -354,7 +394,9 @@ impl ModelParser {
 
 fn component(e: &BytesStart<'_>) -> Result<PlacedObject, Problem> {
     let transform = attribute(e, b"transform")?.map(|text| transform(&text)).transpose()?;
-    Ok(PlacedObject { path: attribute(e, b"path")?, object: required_number(e, b"objectid")?, transform })
+    let is_printable = !matches!(attribute(e, b"printable")?.as_deref(), Some("0" | "false"));
+    let (path, object) = (attribute(e, b"path")?, required_number(e, b"objectid")?);
+    Ok(PlacedObject { path, object, transform, is_printable })
 }
 
 fn transform(text: &str) -> Result<Transform, Problem> {
@@ -380,7 +422,7 @@ fn number(e: &BytesStart<'_>, name: &[u8]) -> Result<Option<u32>, Problem> {
     attribute(e, name)?.map(|text| whole(text.as_bytes())).transpose()
 }
 
-fn required_number(e: &BytesStart<'_>, name: &[u8]) -> Result<u32, Problem> {
+pub(super) fn required_number(e: &BytesStart<'_>, name: &[u8]) -> Result<u32, Problem> {
     number(e, name)?.ok_or_else(|| {
         let element = String::from_utf8_lossy(e.local_name().as_ref()).into_owned();
         format!("`{}` lacks its {}", excerpt(&element), String::from_utf8_lossy(name))

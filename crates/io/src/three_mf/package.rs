@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read};
 
+use lodsmith_core::numbers::counted;
 use quick_xml::events::Event;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
+use super::kept::KeptContents;
 use super::model::{attribute, parse_events};
-use crate::error::ReadError;
+use super::settings::{Settings, names_objects};
+use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::gltf::percent_decoded;
 use crate::limits::Limits;
@@ -16,6 +19,10 @@ use crate::lines::utf8_of;
 
 /// The type of the relation that names the first model.
 const MODEL_RELATION: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
+/// The end of the types of relations that name thumbnails.
+const THUMBNAIL: &str = "/metadata/thumbnail";
+/// Folders of settings, thumbnails and pictures, of PrusaSlicer and of BambuStudio and OrcaSlicer.
+const KEPT_FOLDERS: [&str; 2] = ["metadata/", "auxiliaries/"];
 /// Usual name of the first model part.
 const USUAL_MODEL: &str = "3d/3dmodel.model";
 
@@ -24,6 +31,8 @@ pub(super) struct Package<'a> {
     archive: ZipArchive<Cursor<&'a [u8]>>,
     /// Entries by their names in lower case: case does not matter.
     names: BTreeMap<String, usize>,
+    /// Relations of the archive: type and target.
+    relations: Vec<(String, String)>,
     packed: u64,
     limit: u64,
     /// Number of unpacked bytes so far.
@@ -41,7 +50,8 @@ impl<'a> Package<'a> {
             }
         }
         let (packed, limit) = (bytes.len() as u64, limits.max_unpacked_bytes(bytes.len()));
-        Ok(Self { archive, names, packed, limit, unpacked: 0, limits })
+        let relations = Vec::new();
+        Ok(Self { archive, names, relations, packed, limit, unpacked: 0, limits })
     }
 
     /// Returns the bytes of a part; `None` if there is no part of this name.
@@ -68,23 +78,92 @@ impl<'a> Package<'a> {
         }
     }
 
+    /// Returns what the files of settings say.
+    pub(super) fn settings(&mut self, warn: &mut dyn FnMut(Warning)) -> Settings {
+        let mut settings = Settings::default();
+        let names: Vec<String> = self.names.keys().filter(|name| names_objects(name)).cloned().collect();
+        for name in names {
+            let read = self.part(&name).and_then(|text| settings.add(&name, &text.unwrap_or_default()));
+            if let Err(e) = read {
+                warn(Warning::lost(format!("settings of a slicer cannot be read: {e}")));
+                return Settings::default();
+            }
+        }
+        settings
+    }
+
+    /// Returns settings, thumbnails and other files of slicers, with what refers to them. Files that cannot be unpacked and
+    /// results of slicing, which do not fit another mesh, are left out, with a warning.
+    pub(super) fn kept_contents(&mut self, warn: &mut dyn FnMut(Warning)) -> KeptContents {
+        let mut kept = KeptContents::default();
+        let thumbnails: Vec<String> = self
+            .relations
+            .iter()
+            .filter(|(kind, _)| kind.ends_with(THUMBNAIL))
+            .map(|(_, t)| name_of(t))
+            .collect();
+        let is_kept = |name: &str| {
+            (KEPT_FOLDERS.iter().any(|folder| name.starts_with(folder))
+                || thumbnails.iter().any(|t| t == name))
+                && !name.ends_with('/')
+                && !name.split('/').any(|word| word == "..")
+        };
+        let names: Vec<(String, usize)> =
+            self.names.iter().filter(|(name, _)| is_kept(name)).map(|(n, i)| (n.clone(), *i)).collect();
+        let mut sliced = 0;
+        for (name, index) in names {
+            // Relations of files of a folder name results of slicing.
+            if name.contains(".gcode") || name.starts_with("metadata/_rels/") {
+                sliced += 1;
+                continue;
+            }
+            let path = self.archive.name_for_index(index).and_then(Result::ok).unwrap_or_default();
+            let path = path.replace('\\', "/").trim_start_matches('/').to_owned();
+            match self.part(&name) {
+                Ok(Some(bytes)) => {
+                    kept.is_project |= names_objects(&name);
+                    kept.files.push((path, bytes));
+                }
+                Ok(None) => {}
+                Err(e) => warn(Warning::lost(format!("a file beside the model is left out: {e}"))),
+            }
+        }
+        if sliced > 0 {
+            let files = counted(sliced, "file of a sliced model is", "files of a sliced model are");
+            warn(Warning::lost(format!("{files} not kept (G-code)")));
+        }
+        let has = |target: &str| kept.files.iter().any(|(path, _)| name_of(path) == name_of(target));
+        let relations = self.relations.iter().filter(|(_, target)| has(target)).cloned();
+        kept.relations = relations.collect();
+        if let Ok(Some(text)) = self.part("[content_types].xml") {
+            // Types that cannot be read are those of no part.
+            let _ = parse_events("[Content_Types].xml", &utf8_of(&text), |event, _| {
+                if let Event::Start(e) | Event::Empty(e) = event
+                    && let Some(kind) = attribute(e, b"ContentType")?
+                {
+                    kept.types.extend(attribute(e, b"Extension")?.map(|extension| (extension, kind.clone())));
+                    kept.part_types.extend(attribute(e, b"PartName")?.map(|part| (part, kind)));
+                }
+                Ok(())
+            });
+        }
+        kept
+    }
+
     /// Returns the path of the first model.
     pub(super) fn first_model(&mut self) -> Result<String, ReadError> {
-        let mut found = None;
         if let Some(relations) = self.part("_rels/.rels")? {
-            let text = utf8_of(&relations);
-            parse_events("_rels/.rels", &text, |event, _| {
+            parse_events("_rels/.rels", &utf8_of(&relations), |event, _| {
                 if let Event::Start(e) | Event::Empty(e) = event
-                    && attribute(e, b"Type")?.as_deref() == Some(MODEL_RELATION)
-                    && found.is_none()
+                    && let (Some(kind), Some(target)) = (attribute(e, b"Type")?, attribute(e, b"Target")?)
                 {
-                    found = attribute(e, b"Target")?;
+                    self.relations.push((kind, target));
                 }
                 Ok(())
             })?;
         }
-        if let Some(path) = found {
-            return Ok(path);
+        if let Some((_, path)) = self.relations.iter().find(|(kind, _)| kind == MODEL_RELATION) {
+            return Ok(path.clone());
         }
         let mut names: Vec<&String> = self.names.keys().filter(|name| name.ends_with(".model")).collect();
         names.sort_by_key(|name| (*name != USUAL_MODEL, name.len()));

@@ -27,6 +27,8 @@ pub(super) struct Properties<'a> {
     pub(super) materials: BTreeSet<usize>,
     /// True if some triangles have no properties.
     has_bare: bool,
+    /// True if other meshes of the same object have properties.
+    is_beside_others: bool,
 }
 
 /// The coordinates of a texture.
@@ -65,6 +67,7 @@ impl<'a> Properties<'a> {
             textured: BTreeMap::new(),
             materials: BTreeSet::new(),
             has_bare: false,
+            is_beside_others: false,
         };
         new.find_textures();
         let mut has_colors = false;
@@ -205,7 +208,18 @@ impl<'a> Properties<'a> {
 
     /// Returns true if some triangles have properties, and others none.
     pub(super) fn is_mixed(&self) -> bool {
-        self.has_bare && self.kind_count() > 1
+        self.has_bare && (self.is_beside_others || self.kind_count() > 1)
+    }
+
+    /// Returns true if some triangles have properties.
+    fn has_any(&self) -> bool {
+        self.kind_count() > usize::from(self.has_bare)
+    }
+
+    /// Takes the properties of meshes that become one object: if some triangles have any, others need the default.
+    pub(super) fn join(pieces: &mut [&mut Self]) {
+        let has_any = pieces.iter().any(|piece| piece.has_any());
+        pieces.iter_mut().for_each(|piece| piece.is_beside_others = has_any);
     }
 
     /// Returns the entry of the colour of a wedge.

@@ -1,6 +1,6 @@
 //! Contents of a model part: objects, groups of properties, textures and the items of the build.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::frame::Unit;
 
@@ -20,6 +20,11 @@ pub(super) struct Part {
     pub(super) metallic: BTreeMap<u32, Vec<[f64; 2]>>,
     pub(super) items: Vec<PlacedObject>,
     pub(super) metadata: Vec<(String, String)>,
+    /// Namespaces of the prefixes that the root declares.
+    pub(super) namespaces: Vec<(String, String)>,
+    /// Texts of paint, each once, and their numbers.
+    pub(super) paint: Vec<Box<str>>,
+    pub(super) paint_numbers: HashMap<Box<str>, u32>,
     /// Content that is dropped, for warnings.
     pub(super) dropped: Vec<&'static str>,
 }
@@ -27,12 +32,17 @@ pub(super) struct Part {
 #[derive(Default)]
 pub(super) struct Object {
     pub(super) name: String,
+    /// Its type, if that is not `model`.
+    pub(super) kind: Option<&'static str>,
     /// Property of the triangles without one of their own.
     pub(super) property: Option<(u32, u32)>,
     pub(super) vertices: Vec<[f32; 3]>,
     pub(super) triangles: Vec<[u32; 3]>,
     /// Properties of the triangles: empty if none has any.
     pub(super) properties: Vec<TriangleProperty>,
+    /// Paint of triangles, ascending.
+    pub(super) paint: Vec<PaintOfTriangle>,
+    pub(super) sets: Vec<TriangleSet>,
     pub(super) components: Vec<PlacedObject>,
 }
 
@@ -43,12 +53,31 @@ pub(super) struct TriangleProperty {
     pub(super) corners: [u32; 3],
 }
 
+/// What a slicer painted on a triangle.
+#[derive(Clone, Copy)]
+pub(super) struct PaintOfTriangle {
+    pub(super) triangle: u32,
+    /// An index into [`PAINTS`](super::marks::PAINTS).
+    pub(super) kind: u8,
+    /// An index into [`Part::paint`].
+    pub(super) text: u32,
+}
+
+/// A set of triangles.
+pub(super) struct TriangleSet {
+    pub(super) name: String,
+    pub(super) identifier: String,
+    /// First and last triangles of ranges.
+    pub(super) ranges: Vec<[u32; 2]>,
+}
+
 /// A placed object: an item of the build, or a component of an object.
 pub(super) struct PlacedObject {
     /// The part that has the object, if it is another one.
     pub(super) path: Option<String>,
     pub(super) object: u32,
     pub(super) transform: Option<Transform>,
+    pub(super) is_printable: bool,
 }
 
 /// A group of properties.
@@ -73,6 +102,18 @@ pub(super) struct TextureFile {
 impl Part {
     pub(super) fn unit(&self) -> Unit {
         self.unit.unwrap_or(Unit::Millimeter)
+    }
+
+    /// Returns the number of a text of paint.
+    pub(super) fn paint_number(&mut self, text: &[u8]) -> u32 {
+        let text = String::from_utf8_lossy(text);
+        if let Some(&number) = self.paint_numbers.get(&*text) {
+            return number;
+        }
+        let number = self.paint.len() as u32;
+        self.paint.push(text.as_ref().into());
+        self.paint_numbers.insert(text.into(), number);
+        number
     }
 
     /// Records that a kind of content is dropped.

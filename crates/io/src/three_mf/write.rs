@@ -9,8 +9,11 @@ use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::assemblies::Assemblies;
-use super::document::{MeshObject, ModelPart};
+use super::document::{APPLICATION, Header, MeshObject, ModelPart, escaped};
+use super::kept::{KeptContents, coarse_paint};
 use super::looks::Looks;
+use super::marks::ExactPaint;
+use super::settings::updated;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt;
 use crate::frame::{Frame, Unit};
@@ -36,7 +39,7 @@ const COMPRESSION: i64 = 3;
 /// Names of metadata about a model, from the core specification. Others need a namespace, which is not known.
 const METADATA: [&str; 6] = ["Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating"];
 /// Names of metadata about a file, from the same specification: they do not apply to another file.
-const FILE_METADATA: [&str; 3] = ["Application", "CreationDate", "ModificationDate"];
+const FILE_METADATA: [&str; 3] = [APPLICATION, "CreationDate", "ModificationDate"];
 
 type Archive<'a> = ZipWriter<StreamWriter<&'a mut dyn Write>>;
 
@@ -51,9 +54,10 @@ pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write)
     let of_region = std::mem::take(&mut converted.of_region);
     let looks = Looks::of_converted(converted);
     let frame = regions.and_then(Regions::frame).unwrap_or(Frame::new(Unit::Millimeter, true));
-    let object = MeshObject { name: String::new(), mesh, of_region, sources: None };
+    let (name, marks) = (String::new(), Vec::new());
+    let object = MeshObject { name, mesh, of_region, sources: None, marks, paint: &[] };
     let placed = Assemblies::of_mesh(frame);
-    Ok(write_objects(looks, &[Some(object)], &placed, &[], warnings, out)?.0)
+    Ok(write_objects(looks, &[Some(object)], &placed, &Kept::default(), warnings, out)?.0)
 }
 
 /// Writes a scene with some meshes replaced: an object for each mesh.
@@ -65,7 +69,10 @@ pub(super) fn write_scene(
 ) -> io::Result<Written> {
     let (model, mut warnings) = scene.encoded_model(replaced);
     let mesh_of = |i: usize| &*model.meshes[i].mesh;
-    let placed = Assemblies::new(&model, |i| mesh_of(i).face_count() > 0);
+    let beside = scene.beside();
+    let is_project = beside.is_some_and(|beside| beside.is_project);
+    let has_faces = |i: usize| mesh_of(i).face_count() > 0;
+    let placed = Assemblies::new(&model, has_faces, |node| scene.node_of_three_mf(node), is_project);
     warnings.extend(scene.lost_beside_nodes());
     if placed.flattened > 0 {
         let nodes = counted(placed.flattened, "node flattens its", "nodes flatten their");
@@ -79,7 +86,7 @@ pub(super) fn write_scene(
         warnings.push(Warning::lost(text));
     }
     let with_materials = textures != Textures::None;
-    let mut used = BTreeSet::new();
+    let (mut used, mut coarse) = (BTreeSet::new(), 0);
     let mut objects: Vec<Option<MeshObject<'_>>> = model.meshes.iter().map(|_| None).collect();
     let (names, left_out) = placed.names(&model);
     if left_out > 0 {
@@ -97,16 +104,26 @@ pub(super) fn write_scene(
         used.extend(regions.iter().filter_map(|&r| of_region.get(r).copied().flatten()));
         let is_as_read = scene.meshes().get(mesh).is_some_and(|read| std::ptr::eq(own, &*read.mesh));
         let sources = if is_as_read { scene.source_vertices(mesh) } else { None };
-        objects[mesh] = Some(MeshObject { name, mesh: own, of_region, sources });
+        let mut paint: &[ExactPaint] = &[];
+        if let Some(exact) = beside.and_then(|beside| beside.paint.get(&mesh)) {
+            match is_as_read {
+                true => paint = exact,
+                false => coarse += exact.chunk_by(|a, b| a.0 == b.0).count(),
+            }
+        }
+        let marks = scene.marks(mesh);
+        objects[mesh] = Some(MeshObject { name, mesh: own, of_region, sources, marks, paint });
     }
+    warnings.extend(coarse_paint(coarse));
     if !with_materials && !model.materials.is_empty() {
         warnings.push(Warning::note("materials dropped: --textures none"));
     }
     let mut left = scene.image_bytes_limit();
     let encoded = |image| scene.encoded_image(image, &mut left);
     let looks = Looks::of_model(&model.materials, &used, encoded, &mut warnings);
-    let metadata = metadata(scene, &mut warnings);
-    let (warnings, sizes) = write_objects(looks, &objects, &placed, &metadata, warnings, out)?;
+    let metadata = if is_project { scene.description() } else { metadata(scene, &mut warnings) };
+    let kept = Kept { metadata, beside };
+    let (warnings, sizes) = write_objects(looks, &objects, &placed, &kept, warnings, out)?;
     Ok(Written { sizes: Some(sizes), ..Written::new(warnings) })
 }
 
@@ -124,12 +141,19 @@ fn metadata(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<(String, String)>
     kept
 }
 
+/// What is written beside the objects.
+#[derive(Default)]
+struct Kept<'a> {
+    metadata: Vec<(String, String)>,
+    beside: Option<&'a KeptContents>,
+}
+
 /// Writes the archive; adds to the warnings. Also returns the sizes of the placed objects.
 fn write_objects(
     mut looks: Looks,
     objects: &[Option<MeshObject<'_>>],
     placed: &Assemblies,
-    metadata: &[(String, String)],
+    kept: &Kept<'_>,
     mut warnings: Vec<Warning>,
     out: &mut dyn Write,
 ) -> io::Result<(Vec<Warning>, Sizes)> {
@@ -139,30 +163,40 @@ fn write_objects(
         return Err(io::Error::other(WriteError::TooLarge { format: "3MF", what }));
     }
     let mut lost = std::mem::take(&mut looks.lost);
-    let document = ModelPart::new(&looks, objects, &mut lost);
+    let mut document = ModelPart::new(&looks, objects, placed, &mut lost);
     warnings.extend(lost.warnings());
     if document.is_rounded {
         warnings.push(Warning::note("3MF holds colours as bytes: they are rounded"));
     }
     let mut zip: Archive<'_> = ZipWriter::new_stream(out);
+    let none = KeptContents::default();
+    let beside = kept.beside.unwrap_or(&none);
+    let files: Vec<&(String, Vec<u8>)> = beside.files_for(placed.has_known_ids, &mut warnings);
     start(&mut zip, "[Content_Types].xml", 0)?;
-    zip.write_all(TYPES.as_bytes())?;
+    zip.write_all(beside.content_types(TYPES, &files).as_bytes())?;
     start(&mut zip, "_rels/.rels", 0)?;
-    zip.write_all(relations(MODEL_TYPE, &["/3D/3dmodel.model".to_owned()]).as_bytes())?;
+    let own = [(MODEL_TYPE.to_owned(), "/3D/3dmodel.model".to_owned())];
+    zip.write_all(relations(own.iter().chain(beside.relations_to(&files))).as_bytes())?;
     // A triangle with properties, or a vertex, takes less than this as text.
     let elements: usize = all().map(|o| o.mesh.face_count() + o.mesh.wedge_count()).sum();
     start(&mut zip, "3D/3dmodel.model", 128 * elements)?;
-    let skipped = document.write(placed, metadata, &mut TextOut::new(&mut zip))?;
+    let header = Header { metadata: &kept.metadata, namespaces: beside.namespaces_of(&kept.metadata) };
+    let (skipped, written) = document.write(placed, &header, &mut TextOut::new(&mut zip))?;
     let pictures: Vec<usize> = document.used_pictures().into_iter().collect();
     if !pictures.is_empty() {
         start(&mut zip, "3D/_rels/3dmodel.model.rels", 0)?;
         let paths: Vec<String> = pictures.iter().map(|&picture| looks.path_of(picture)).collect();
-        zip.write_all(relations(TEXTURE_TYPE, &paths).as_bytes())?;
+        let to_textures: Vec<_> = paths.iter().map(|path| (TEXTURE_TYPE.to_owned(), path.clone())).collect();
+        zip.write_all(relations(to_textures.iter()).as_bytes())?;
         for (path, picture) in paths.iter().zip(pictures) {
             let bytes = &looks.pictures[picture].bytes;
             start(&mut zip, path.trim_start_matches('/'), bytes.len())?;
             zip.write_all(bytes)?;
         }
+    }
+    for (path, bytes) in files {
+        start(&mut zip, path, bytes.len())?;
+        zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written))?;
     }
     zip.finish().map_err(io::Error::from)?;
     if skipped > 0 {
@@ -185,10 +219,12 @@ fn start(zip: &mut Archive<'_>, name: &str, bytes: usize) -> io::Result<()> {
     Ok(zip.start_file(name, options)?)
 }
 
-fn relations(kind: &str, targets: &[String]) -> String {
+/// Returns a file of relations: types and targets.
+fn relations<'r>(all: impl Iterator<Item = &'r (String, String)>) -> String {
     let mut text =
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Relationships xmlns=\"{RELATIONS}\">\n");
-    for (i, target) in targets.iter().enumerate() {
+    for (i, (kind, target)) in all.enumerate() {
+        let [target, kind] = [target, kind].map(|text| escaped(text));
         text.push_str(&format!(" <Relationship Target=\"{target}\" Id=\"rel{i}\" Type=\"{kind}\"/>\n"));
     }
     text + "</Relationships>\n"

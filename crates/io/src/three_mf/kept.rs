@@ -1,0 +1,127 @@
+//! What is kept from one 3MF file to another beside its scene: settings, thumbnails, and what refers to them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use lodsmith_core::numbers::counted;
+use serde_json::Value;
+
+use super::document::escaped;
+use super::marks::ExactPaint;
+use super::package::name_of;
+use super::settings::names_objects;
+use crate::error::Warning;
+
+/// The name in `extras` of nodes and primitives of what only 3MF has.
+pub(crate) const OF_THREE_MF: &str = "3mf";
+
+/// The content type of files of which nothing is known.
+const UNKNOWN_TYPE: &str = "application/octet-stream";
+
+/// Contents of a 3MF file that a scene does not hold.
+#[derive(Debug, Default)]
+pub(crate) struct KeptContents {
+    /// Settings, thumbnails and other files of slicers, by their paths in the archive.
+    pub(super) files: Vec<(String, Vec<u8>)>,
+    /// Relations of the archive to these files: type and target.
+    pub(super) relations: Vec<(String, String)>,
+    /// Content types of extensions, and of parts.
+    pub(super) types: Vec<(String, String)>,
+    pub(super) part_types: Vec<(String, String)>,
+    /// Namespaces of prefixes of metadata.
+    pub(super) namespaces: Vec<(String, String)>,
+    /// True if a slicer wrote the file: then its description and the numbers of its objects are kept.
+    pub(super) is_project: bool,
+    /// Paint of triangles of which a part is painted, by mesh.
+    pub(super) paint: BTreeMap<usize, Vec<ExactPaint>>,
+}
+
+/// Returns a warning for triangles that lose the paint of parts of them.
+pub(super) fn coarse_paint(triangles: usize) -> Option<Warning> {
+    let triangles = (triangles > 0).then(|| counted(triangles, "triangle", "triangles"))?;
+    let text = format!("paint of parts of {triangles} is dropped: the paint of the largest part is kept");
+    Some(Warning::lost(text))
+}
+
+impl KeptContents {
+    /// Returns a warning for what another format than 3MF does not hold, beside the nodes and meshes of the scene.
+    pub(crate) fn file_losses(&self) -> Option<Warning> {
+        let files = counted(self.files.len(), "file is", "files are");
+        let text = format!("settings and pictures of a slicer are dropped: {files} kept in 3MF only");
+        (!self.files.is_empty()).then(|| Warning::lost(text))
+    }
+
+    /// Returns warnings for what glTF does not hold, or programs that read it may not know. `json`: the scene.
+    pub(crate) fn losses(&self, json: &Value) -> Vec<Warning> {
+        let mut warnings: Vec<Warning> = self.file_losses().into_iter().collect();
+        let nodes = json["nodes"].as_array().into_iter().flatten();
+        let hidden =
+            nodes.filter(|node| node["extensions"]["KHR_node_visibility"]["visible"] == false).count();
+        if hidden > 0 {
+            let parts = counted(
+                hidden,
+                "part that a slicer does not print is",
+                "parts that a slicer does not print are",
+            );
+            let text = format!("{parts} hidden (KHR_node_visibility), which many programs do not know");
+            warnings.push(Warning::lost(text));
+        }
+        let painted = self.paint.values().map(|own| own.chunk_by(|a, b| a.0 == b.0).count()).sum();
+        warnings.extend(coarse_paint(painted));
+        warnings
+    }
+
+    /// Returns the files that another 3MF file has too: without settings of objects if their numbers are not kept.
+    pub(super) fn files_for(
+        &self,
+        has_known_ids: bool,
+        warnings: &mut Vec<Warning>,
+    ) -> Vec<&(String, Vec<u8>)> {
+        let is_kept = |path: &str| has_known_ids || !names_objects(&path.to_ascii_lowercase());
+        if !self.files.iter().all(|(path, _)| is_kept(path)) {
+            let text = "settings of objects name several objects by one number: left out";
+            warnings.push(Warning::lost(text));
+        }
+        self.files.iter().filter(|(path, _)| is_kept(path)).collect()
+    }
+
+    /// Returns the relations of the archive to these files: types and targets.
+    pub(super) fn relations_to<'k>(
+        &'k self,
+        files: &[&'k (String, Vec<u8>)],
+    ) -> impl Iterator<Item = &'k (String, String)> {
+        let names: Vec<String> = files.iter().map(|(path, _)| name_of(path)).collect();
+        self.relations.iter().filter(move |(_, target)| names.contains(&name_of(target)))
+    }
+
+    /// Returns the namespaces of prefixes that these metadata have.
+    pub(super) fn namespaces_of(&self, metadata: &[(String, String)]) -> Vec<&(String, String)> {
+        let is_used = |prefix: &str| {
+            metadata.iter().any(|(name, _)| name.split_once(':').is_some_and(|(own, _)| own == prefix))
+        };
+        self.namespaces.iter().filter(|(prefix, _)| is_used(prefix)).collect()
+    }
+
+    /// Returns a file of content types with those of these files.
+    pub(super) fn content_types(&self, own: &str, files: &[&(String, Vec<u8>)]) -> String {
+        let mut text = String::new();
+        let mut known: BTreeSet<String> = ["rels", "model", "png", "jpg"].map(str::to_owned).into();
+        for (path, _) in files {
+            let name = name_of(path);
+            let of_part =
+                self.part_types.iter().find(|(part, _)| name_of(part) == name).map(|(_, kind)| kind);
+            let file = name.rsplit('/').next().unwrap_or_default();
+            let (Some((_, extension)), None) = (file.rsplit_once('.'), of_part) else {
+                let (path, kind) = (escaped(path), escaped(of_part.map_or(UNKNOWN_TYPE, String::as_str)));
+                text.push_str(&format!(" <Override PartName=\"/{path}\" ContentType=\"{kind}\"/>\n"));
+                continue;
+            };
+            if known.insert(extension.to_owned()) {
+                let of_file = self.types.iter().find(|(other, _)| other.eq_ignore_ascii_case(extension));
+                let kind = of_file.map_or(UNKNOWN_TYPE, |(_, kind)| kind);
+                let (extension, kind) = (escaped(extension), escaped(kind));
+                text.push_str(&format!(" <Default Extension=\"{extension}\" ContentType=\"{kind}\"/>\n"));
+            }
+        }
+        own.replace("</Types>", &format!("{text}</Types>"))
+    }
+}

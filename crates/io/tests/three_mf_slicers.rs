@@ -1,0 +1,419 @@
+//! Files of slicers: what they paint, subtract and do not print, and their settings.
+//!
+//! The files are as PrusaSlicer and BambuStudio write them (sources: `src/three_mf/marks.rs`), but smaller.
+
+use std::io::{Cursor, Read as _, Write};
+
+use lodsmith_core::{TriMesh, WedgeId};
+use lodsmith_io::gltf::Scene;
+use lodsmith_io::{Format, ReadOptions, Warning, read_bytes, read_scene_bytes, write_scene_to};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+const VERTICES: &str = r#"<vertices><vertex x="0" y="0" z="0"/><vertex x="10" y="0" z="0"/>
+<vertex x="0" y="10" z="0"/><vertex x="0" y="0" z="10"/></vertices>"#;
+const TRIANGLES: [&str; 4] = [
+    r#"v1="0" v2="2" v3="1""#,
+    r#"v1="0" v2="1" v3="3""#,
+    r#"v1="1" v2="2" v3="3""#,
+    r#"v1="0" v2="3" v3="2""#,
+];
+const RELATIONS: &str = r#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
+<Relationship Target="/3D/3dmodel.model" Id="a" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+<Relationship Target="/Metadata/thumbnail.png" Id="b" Type="http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail"/>
+</Relationships>"#;
+const TYPES: &str = r#"<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="config" ContentType="text/plain"/></Types>"#;
+
+fn scene_of(bytes: &[u8]) -> Scene {
+    read_scene_bytes(bytes, &ReadOptions::default()).unwrap().unwrap()
+}
+
+fn written(scene: &Scene, replaced: &[Option<TriMesh>], format: Format) -> (Vec<u8>, Vec<Warning>) {
+    let mut out = Vec::new();
+    let written = write_scene_to(scene, replaced, format, &|_| None, &mut out).unwrap();
+    (out, written.warnings)
+}
+
+fn losses(warnings: &[Warning]) -> Vec<&str> {
+    warnings.iter().filter(|w| w.data_lost).map(|w| &*w.text).collect()
+}
+
+fn part(bytes: &[u8], name: &str) -> Option<String> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
+    let mut text = String::new();
+    archive.by_name(name).ok()?.read_to_string(&mut text).unwrap();
+    Some(text)
+}
+
+fn model_of(bytes: &[u8]) -> String {
+    part(bytes, "3D/3dmodel.model").unwrap()
+}
+
+/// Returns the elements of an XML text that begin with this.
+fn elements<'t>(text: &'t str, begin: &str) -> Vec<&'t str> {
+    text.lines().map(str::trim).filter(|line| line.starts_with(begin)).collect()
+}
+
+/// Returns a file of this model and further parts.
+fn package(model: &str, parts: &[(&str, &str)]) -> Vec<u8> {
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    let head = r#"<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+ xmlns:slic3rpe="http://schemas.slic3r.org/3mf/2017/06" xmlns:BambuStudio="http://schemas.bambulab.com/package/2021"
+ xmlns:t="http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07">"#;
+    let model = format!("{head}{model}</model>");
+    let own = [("_rels/.rels", RELATIONS), ("[Content_Types].xml", TYPES), ("3D/3dmodel.model", &*model)];
+    for (name, text) in own.iter().chain(parts) {
+        zip.start_file(*name, SimpleFileOptions::default()).unwrap();
+        zip.write_all(text.as_bytes()).unwrap();
+    }
+    zip.finish().unwrap().into_inner()
+}
+
+/// Returns an object whose triangles have these further attributes, in two pieces if there are eight.
+fn object(id: u32, attributes: &str, of_triangles: &[&str], after: &str) -> String {
+    let mut vertices = VERTICES.to_owned();
+    if of_triangles.len() > 4 {
+        let further = vertices.replace("<vertices>", "").replace(r#"x="0""#, r#"x="5""#);
+        vertices = vertices.replace("</vertices>", &further);
+    }
+    let triangle = |(at, more): (usize, &&str)| {
+        let corners = match at < 4 {
+            true => TRIANGLES[at].to_owned(),
+            false => TRIANGLES[at - 4]
+                .replace('3', "7")
+                .replace("v7", "v3")
+                .replace(r#""2""#, r#""6""#)
+                .replace(r#""1""#, r#""5""#)
+                .replace(r#""0""#, r#""4""#),
+        };
+        format!("<triangle {corners} {more}/>")
+    };
+    let triangles: String = of_triangles.iter().enumerate().map(triangle).collect();
+    format!(
+        r#"<object id="{id}" {attributes}><mesh>{vertices}<triangles>{triangles}</triangles>{after}</mesh></object>"#
+    )
+}
+
+/// Returns a mesh of the first triangles of a mesh, in their regions.
+fn first_faces(mesh: &TriMesh, count: usize) -> TriMesh {
+    let map = (0..mesh.wedge_count()).map(|w| mesh.vertex_of(WedgeId::new(w))).collect();
+    let triangles = mesh.triangles()[..count].to_vec();
+    let mut new = TriMesh::with_wedges(mesh.positions().clone(), map, triangles).unwrap();
+    if let Some(regions) = mesh.regions() {
+        new.set_regions(Some(regions[..count].to_vec())).unwrap();
+    }
+    new
+}
+
+const PRUSA: &str = "Metadata/Slic3r_PE_model.config";
+const PRUSA_CONFIG: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<config>
+ <object id="7" instances_count="2">
+  <metadata type="object" key="name" value="body &amp; hole"/>
+  <volume firstid="0" lastid="3">
+   <metadata type="volume" key="volume_type" value="ModelPart"/>
+  </volume>
+  <volume firstid="4" lastid="7">
+   <metadata type="volume" key="volume_type" value="NegativeVolume"/>
+  </volume>
+ </object>
+</config>"#;
+
+/// A project of PrusaSlicer: a body with a hole, placed twice, with painted supports; a triangle is painted in part.
+fn prusa() -> Vec<u8> {
+    let painted = [
+        r#"slic3rpe:custom_supports="4""#,
+        "",
+        r#"slic3rpe:custom_supports="441""#,
+        r#"slic3rpe:custom_seam="8""#,
+    ];
+    let triangles = [painted[0], painted[1], painted[2], painted[3], "", "", "", ""];
+    let model = format!(
+        r#"<metadata name="slic3rpe:Version3mf">1</metadata><metadata name="Application">PrusaSlicer-2.8.0</metadata>
+<resources>{}</resources><build><item objectid="7"/>
+<item objectid="7" transform="1 0 0 0 1 0 0 0 1 50 0 0" printable="0"/></build>"#,
+        object(7, r#"name="body" type="model""#, &triangles, "")
+    );
+    let parts = [
+        (PRUSA, PRUSA_CONFIG),
+        ("Metadata/thumbnail.png", "a picture"),
+        ("Metadata/Slic3r_PE.config", "; layer_height = 0.2"),
+        ("Metadata/plate_1.gcode", "G1"),
+    ];
+    package(&model, &parts)
+}
+
+#[test]
+fn a_project_of_prusaslicer_comes_back() {
+    let scene = scene_of(&prusa());
+    assert_eq!(losses(scene.warnings()), ["1 file of a sliced model is not kept (G-code)"]);
+    // The hole is no part of the shape.
+    assert_eq!(scene.meshes().len(), 2);
+    assert_eq!(scene.bounds().unwrap().max.map(|x| (x * 1e3).round()), [60.0, 10.0, 0.0]);
+    let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let text = model_of(&bytes);
+    assert_eq!(elements(&text, "<object"), [r#"<object id="7" type="model" name="body">"#]);
+    assert_eq!(elements(&text, "<vertex").len(), 8);
+    let of_read = |text: &str| {
+        let mut all = elements(text, "<triangle ").iter().map(|t| t.replace(" />", "/>")).collect::<Vec<_>>();
+        all.sort();
+        all
+    };
+    let expected = [
+        r#"<triangle v1="0" v2="1" v3="3"/>"#,
+        r#"<triangle v1="0" v2="2" v3="1" slic3rpe:custom_supports="4"/>"#,
+        r#"<triangle v1="0" v2="3" v3="2" slic3rpe:custom_seam="8"/>"#,
+        r#"<triangle v1="1" v2="2" v3="3" slic3rpe:custom_supports="441"/>"#,
+        r#"<triangle v1="4" v2="5" v3="7"/>"#,
+        r#"<triangle v1="4" v2="6" v3="5"/>"#,
+        r#"<triangle v1="4" v2="7" v3="6"/>"#,
+        r#"<triangle v1="5" v2="6" v3="7"/>"#,
+    ];
+    assert_eq!(of_read(&text), expected);
+    let items = [
+        r#"<item objectid="7"/>"#,
+        r#"<item objectid="7" transform="1 0 0 0 1 0 0 0 1 50 0 0" printable="0"/>"#,
+    ];
+    assert_eq!(elements(&text, "<item"), items);
+    assert!(text.contains(r#" xmlns:slic3rpe="http://schemas.slic3r.org/3mf/2017/06""#), "{text}");
+    assert!(text.contains(r#"<metadata name="slic3rpe:Version3mf">1</metadata>"#), "{text}");
+    assert!(text.contains(r#"<metadata name="Application">PrusaSlicer-2.8.0</metadata>"#), "{text}");
+    assert_eq!(part(&bytes, PRUSA).unwrap(), PRUSA_CONFIG);
+    assert_eq!(part(&bytes, "Metadata/thumbnail.png").unwrap(), "a picture");
+    assert_eq!(part(&bytes, "Metadata/Slic3r_PE.config").unwrap(), "; layer_height = 0.2");
+    assert_eq!(part(&bytes, "Metadata/plate_1.gcode"), None);
+    let relations = part(&bytes, "_rels/.rels").unwrap();
+    assert!(relations.contains(r#"Target="/Metadata/thumbnail.png""#), "{relations}");
+    let types = part(&bytes, "[Content_Types].xml").unwrap();
+    assert!(types.contains(r#"Extension="config" ContentType="text/plain""#), "{types}");
+}
+
+#[test]
+fn ranges_and_paint_follow_a_reduction() {
+    let scene = scene_of(&prusa());
+    let mesh = &scene.meshes()[0].mesh;
+    // Paint makes regions: without, a little, supports, seam.
+    assert_eq!(mesh.regions().unwrap().len(), 4);
+    let (bytes, warnings) = written(&scene, &[Some(first_faces(mesh, 3))], Format::ThreeMf);
+    assert_eq!(
+        losses(&warnings),
+        ["paint of parts of 1 triangle is dropped: the paint of the largest part is kept"]
+    );
+    let text = model_of(&bytes);
+    assert_eq!(elements(&text, "<triangle ").len(), 7);
+    assert_eq!(text.matches(r#"slic3rpe:custom_supports="4""#).count(), 2, "{text}");
+    let config = part(&bytes, PRUSA).unwrap();
+    assert_eq!(
+        elements(&config, "<volume"),
+        [r#"<volume firstid="0" lastid="2">"#, r#"<volume firstid="3" lastid="6">"#]
+    );
+    // Read again, the hole is still one.
+    assert_eq!(read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh.face_count(), 6);
+}
+
+#[test]
+fn a_mesh_has_only_what_is_printed() {
+    let loaded = read_bytes(&prusa(), &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.mesh.face_count(), 8);
+    let expected = [
+        "1 file of a sliced model is not kept (G-code)",
+        "2 hidden meshes (what a slicer does not print) left out",
+        "names of nodes and meshes are not carried: only a scene that is written as glTF or GLB keeps them",
+        "marks of parts that are not printed are dropped: only 3MF keeps them",
+        "what a slicer painted on triangles is dropped: only 3MF keeps them",
+        "settings and pictures of a slicer are dropped: 3 files are kept in 3MF only",
+    ];
+    let all = losses(&loaded.warnings);
+    for text in expected {
+        assert!(all.contains(&text), "{text}: {all:?}");
+    }
+}
+
+const BAMBU: &str = "Metadata/model_settings.config";
+
+fn bambu(second_id: u32) -> Vec<u8> {
+    let model = format!(
+        r#"<metadata name="Application">BambuStudio-02.00.00.95</metadata><metadata name="BambuStudio:3mfVersion">1</metadata>
+<resources>{}{}<object id="5" type="model"><components><component objectid="1"/>
+<component objectid="2" transform="1 0 0 0 1 0 0 0 1 1 2 3"/></components></object></resources>
+<build><item objectid="5" printable="1"/><item objectid="5" transform="1 0 0 0 1 0 0 0 1 50 0 0"/></build>"#,
+        object(1, r#"type="model""#, &[r#"paint_color="0C""#, r#"paint_color="0C""#, "", ""], ""),
+        object(2, r#"type="model""#, &[""; 4], ""),
+    );
+    let config = format!(
+        r#"<?xml version="1.0" encoding="UTF-8"?>
+<config>
+  <object id="5">
+    <part id="1" subtype="normal_part">
+      <mesh_stat face_count="4" edges_fixed="0"/>
+    </part>
+    <part id="{second_id}" subtype="negative_part">
+      <mesh_stat face_count="4" edges_fixed="0"/>
+    </part>
+  </object>
+</config>"#
+    );
+    package(&model, &[(BAMBU, &config), ("Metadata/project_settings.config", "{}")])
+}
+
+#[test]
+fn a_project_of_bambustudio_comes_back() {
+    let scene = scene_of(&bambu(2));
+    assert_eq!(losses(scene.warnings()), [""; 0]);
+    let mesh = &scene.meshes()[0].mesh;
+    for (kept, count) in [(None, 4), (Some(first_faces(mesh, 3)), 3)] {
+        let (bytes, warnings) = written(&scene, &[kept], Format::ThreeMf);
+        assert_eq!(losses(&warnings), [""; 0]);
+        let text = model_of(&bytes);
+        let objects = [
+            r#"<object id="1" type="model">"#,
+            r#"<object id="2" type="model">"#,
+            r#"<object id="5" type="model">"#,
+        ];
+        assert_eq!(elements(&text, "<object"), objects);
+        let components = [
+            r#"<component objectid="1"/>"#,
+            r#"<component objectid="2" transform="1 0 0 0 1 0 0 0 1 1 2 3"/>"#,
+        ];
+        assert_eq!(elements(&text, "<component "), components);
+        assert_eq!(elements(&text, "<item").len(), 2);
+        assert_eq!(text.matches(r#" paint_color="0C""#).count(), 2);
+        assert!(text.contains("BambuStudio-02.00.00.95") && !text.contains("Lodsmith"), "{text}");
+        let config = part(&bytes, BAMBU).unwrap();
+        let stats = [
+            format!(r#"<mesh_stat face_count="{count}" edges_fixed="0"/>"#),
+            r#"<mesh_stat face_count="4" edges_fixed="0"/>"#.to_owned(),
+        ];
+        assert_eq!(elements(&config, "<mesh_stat"), stats);
+        assert_eq!(part(&bytes, "Metadata/project_settings.config").unwrap(), "{}");
+        assert_eq!(read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh.face_count(), 2 * count);
+    }
+    // Without faces, it is gone from the settings too.
+    let (bytes, _) = written(&scene, &[Some(first_faces(mesh, 0))], Format::ThreeMf);
+    assert_eq!(elements(&part(&bytes, BAMBU).unwrap(), "<part").len(), 1);
+}
+
+#[test]
+fn types_and_marks_of_items_come_back() {
+    let model = format!(
+        r#"<resources>{}{}{}</resources><build><item objectid="1"/><item objectid="2"/><item objectid="3" printable="0"/></build>"#,
+        object(1, "", &[""; 4], ""),
+        object(2, r#"type="support""#, &[""; 4], ""),
+        object(3, r#"type="surface""#, &[""; 4], ""),
+    );
+    let bytes = package(&model, &[]);
+    let scene = scene_of(&bytes);
+    let (again, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let text = model_of(&again);
+    let kinds: Vec<&str> = elements(&text, "<object").iter().map(|e| e.split('"').nth(3).unwrap()).collect();
+    assert_eq!(kinds, ["model", "support", "surface"]);
+    assert_eq!(text.matches(r#"printable="0""#).count(), 1);
+    assert!(text.contains(r#"<metadata name="Application">Lodsmith</metadata>"#));
+    assert_eq!(read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh.face_count(), 8);
+    // In GLB it is hidden, and marks are extras; from there they come back.
+    let (glb, warnings) = written(&scene, &[], Format::Glb);
+    let hidden = "1 part that a slicer does not print is hidden (KHR_node_visibility), which many programs do not know";
+    assert_eq!(losses(&warnings), [hidden]);
+    let (again, warnings) = written(&scene_of(&glb), &[], Format::ThreeMf);
+    let left_out = "1 hidden mesh (what a slicer does not print) left out";
+    assert_eq!(losses(&warnings), [left_out]);
+    let text = model_of(&again);
+    assert_eq!((elements(&text, "<object").len(), text.matches(r#"printable="0""#).count()), (2, 1));
+}
+
+#[test]
+fn sets_of_triangles_are_regions() {
+    let sets = r#"<t:trianglesets><t:triangleset name="a &amp; b" identifier="x"><t:refrange startindex="0" endindex="2"/>
+<t:ref index="1"/></t:triangleset><t:triangleset name="c" identifier="y"><t:ref index="2"/></t:triangleset></t:trianglesets>"#;
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/></build>"#,
+        object(1, "", &[""; 4], sets)
+    );
+    let scene = scene_of(&package(&model, &[]));
+    let mesh = &scene.meshes()[0].mesh;
+    assert_eq!(mesh.regions().unwrap().iter().map(|r| r.index()).collect::<Vec<_>>(), [0, 0, 1, 2]);
+    let (bytes, warnings) = written(&scene, &[Some(first_faces(mesh, 3))], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let text = model_of(&bytes);
+    let expected = [
+        r#"<t:trianglesets>"#,
+        r#"<t:triangleset name="a &amp; b" identifier="x">"#,
+        r#"<t:refrange startindex="0" endindex="2"/>"#,
+        r#"<t:triangleset name="c" identifier="y">"#,
+        r#"<t:ref index="2"/>"#,
+    ];
+    assert_eq!(elements(&text, "<t:"), expected);
+    let beyond = sets.replace(r#"index="2""#, r#"index="4""#);
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/></build>"#,
+        object(1, "", &[""; 4], &beyond)
+    );
+    let scene = scene_of(&package(&model, &[]));
+    assert_eq!(
+        losses(scene.warnings()),
+        ["sets of triangles are too many, or name triangles that are not there: dropped"]
+    );
+}
+
+#[test]
+fn objects_of_one_number_lose_their_settings() {
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/><item objectid="1" p:path="/3D/other.model"/></build>"#,
+        object(1, "", &[""; 4], "")
+    );
+    let other = format!(
+        r#"<model unit="millimeter"><resources>{}</resources><build/></model>"#,
+        object(1, "", &[""; 4], "")
+    );
+    let scene = scene_of(&package(
+        &model,
+        &[("3D/other.model", &other), (PRUSA, "<config/>"), ("Metadata/a.config", "b")],
+    ));
+    let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), ["settings of objects name several objects by one number: left out"]);
+    assert_eq!((part(&bytes, PRUSA), part(&bytes, "Metadata/a.config").as_deref()), (None, Some("b")));
+    assert_eq!(elements(&model_of(&bytes), "<object").len(), 2);
+}
+
+#[test]
+fn paint_stays_on_its_triangle_beside_degenerate_ones() {
+    let triangles = format!(
+        r#"<triangle v1="0" v2="0" v3="1" paint_color="4"/><triangle {} paint_color="441"/><triangle {} paint_color="4"/>"#,
+        TRIANGLES[0], TRIANGLES[1]
+    );
+    let model = format!(
+        r#"<resources><object id="1"><mesh>{VERTICES}<triangles>{triangles}</triangles></mesh></object></resources><build><item objectid="1"/></build>"#
+    );
+    let (bytes, _) = written(&scene_of(&package(&model, &[])), &[], Format::ThreeMf);
+    let text = model_of(&bytes);
+    let expected = [
+        r#"<triangle v1="0" v2="2" v3="1" paint_color="441"/>"#,
+        r#"<triangle v1="0" v2="1" v3="3" paint_color="4"/>"#,
+    ];
+    assert_eq!(elements(&text, "<triangle "), expected);
+}
+
+#[test]
+fn a_volume_without_material_stays_without_one() {
+    let material = r#"pid="1" p1="0""#;
+    let triangles = [material, material, material, material, "", "", "", ""];
+    let model = format!(
+        r##"<resources><basematerials id="1"><base name="red" displaycolor="#FF0000"/></basematerials>{}</resources>
+<build><item objectid="7"/></build>"##,
+        object(7, "", &triangles, "")
+    );
+    let (bytes, _) = written(&scene_of(&package(&model, &[(PRUSA, PRUSA_CONFIG)])), &[], Format::ThreeMf);
+    let text = model_of(&bytes);
+    assert_eq!(
+        elements(&text, "<base "),
+        [
+            r##"<base name="red" displaycolor="#FF0000"/>"##,
+            r##"<base name="default" displaycolor="#FFFFFF"/>"##,
+        ]
+    );
+    assert_eq!(text.matches(r#" p1="1""#).count(), 4, "{text}");
+}
