@@ -2,11 +2,11 @@
 
 use lodsmith::{MeshCounts, OwnedMeshData, Report, SimplifyOptions};
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{Format, ModelFile, ReadOptions, Sizes, Warning};
+use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
 use serde_json::{Value, json};
 
 use crate::asset::{Asset, Edit};
-use crate::baking::{BakedScene, Baking};
+use crate::baking::{BakedScene, Baking, lost_images};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::{AssetError, usage};
@@ -123,9 +123,10 @@ impl Edit {
     ) -> Result<BakedScene, AssetError> {
         let mut baking = baking.clone();
         baking.options.is_same_model = true;
-        let high = ModelFile::from(scene.clone()).model;
+        let (high, unread) = scene.model();
         let low = lodsmith_bake::model_with(&high, &self.meshes);
         let mut baked = baking.bake(&high, &low, &mut scene, job)?;
+        baked.warnings.splice(0..0, lost_images(unread));
         for (mesh, made) in self.meshes.iter_mut().zip(std::mem::take(&mut baked.replaced)) {
             if made.is_some() {
                 *mesh = made;

@@ -182,6 +182,32 @@ fn a_run_bakes_what_it_loses_and_nothing_counts_as_lost() {
     sandbox.run("simplify high.ply --ratio 10% --bake color --up z -o b.glb").with_status(2).with_one_error();
 }
 
+/// The maps would be white without a word.
+#[test]
+fn an_image_that_is_not_read_is_lost_in_maps() {
+    let sandbox = CliSandbox::new();
+    let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
+    fs::copy(wave, sandbox.path("wave.glb")).unwrap();
+    sandbox.run("convert wave.glb wave.gltf").with_status(0);
+    let text = fs::read_to_string(sandbox.path("wave.gltf")).unwrap();
+    let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    json["images"] = serde_json::json!([{"uri": "data:image/ktx2;base64,q0tUWCAyMLsNChoK"}]);
+    json["textures"] = serde_json::json!([{"source": 0}]);
+    json["materials"] = serde_json::json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    json["meshes"][0]["primitives"][0]["material"] = 0.into();
+    sandbox.put("unread.gltf", &json.to_string());
+    let options = "--atlas new --texture-size 32 --strict --force";
+    for command in [
+        "simplify unread.gltf --ratio 0.5 --bake color -o out.glb",
+        "lod unread.gltf --count 2 --bake color -o out.glb",
+        "bake unread.gltf wave.glb --maps color -o out.glb",
+    ] {
+        let outcome = sandbox.run(&format!("{command} {options}")).with_status(3);
+        let said = "image 0 is a KTX2 image, which is not supported";
+        assert!(outcome.stderr.contains(said), "{command}: {}", outcome.stderr);
+    }
+}
+
 #[test]
 fn errors_are_one_line() {
     let sandbox = CliSandbox::new();

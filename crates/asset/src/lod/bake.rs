@@ -2,10 +2,10 @@
 
 use lodsmith_bake::with_tangents;
 use lodsmith_core::TriMesh;
+use lodsmith_io::Warning;
 use lodsmith_io::gltf::Scene;
-use lodsmith_io::{ModelFile, Warning};
 
-use crate::baking::{Baking, SideFile};
+use crate::baking::{Baking, SideFile, lost_images};
 use crate::error::AssetError;
 use crate::job::Job;
 
@@ -32,7 +32,8 @@ pub(super) fn bake_levels(
     let mut baking = baking.clone();
     baking.options.is_same_model = true;
     let mut all = BakedLevels::default();
-    let high = ModelFile::from(scene.clone()).model;
+    let (high, unread) = scene.model();
+    all.warnings.extend(lost_images(unread));
     let levels = replaced.len();
     for k in 1..levels {
         let low = lodsmith_bake::model_with(&high, &replaced[k]);
