@@ -102,7 +102,7 @@ fn levels(original: &TriMesh) -> Result<()> {
     let screen = Screen::default();
     let mut panels = vec![panel(original, vec!["original".to_owned()])?];
     for level in &chain.levels {
-        let error = error_of(&level.report);
+        let error = error_of(&level.report).context("a run that nothing ends is measured")?;
         let share = 100.0 * error / level.report.error.diagonal;
         let distance = screen.distance(error);
         let below =

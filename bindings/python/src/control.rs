@@ -52,6 +52,9 @@ struct SharedState {
     stage: AtomicU8,
 }
 
+/// Time after the time limit in which the result of an ended run is still measured and proven, as in jobs on files.
+const GRACE: Duration = Duration::from_secs(1);
+
 /// The control of a run, used by the engine.
 pub(crate) struct WatchedRun {
     shared: Arc<SharedState>,
@@ -62,6 +65,13 @@ impl WatchedRun {
     /// True after a signal or an exception of the progress function.
     pub(crate) fn is_cancelled(&self) -> bool {
         self.shared.is_cancelled.load(Ordering::Relaxed)
+    }
+
+    /// True after the time limit; where results are measured, a while later.
+    fn is_late(&self) -> bool {
+        let is_measuring = STAGES[usize::from(self.shared.stage.load(Ordering::Relaxed))].0 == Stage::Measure;
+        let grace = if is_measuring { GRACE } else { Duration::ZERO };
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline + grace)
     }
 }
 
@@ -78,7 +88,7 @@ impl Control for WatchedRun {
         self.shared.done.fetch_max(done.to_bits(), Ordering::Relaxed);
         if self.is_cancelled() {
             Verdict::Cancel
-        } else if self.deadline.is_some_and(|d| Instant::now() >= d) {
+        } else if self.is_late() {
             Verdict::Finish
         } else {
             Verdict::Continue

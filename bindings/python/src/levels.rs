@@ -42,7 +42,8 @@ pub(crate) fn lod<'py>(
     }
     let list = PyList::empty(py);
     for (k, level) in chain.levels.into_iter().enumerate() {
-        let distance = levels.screen.distance(lodsmith::lod::error_of(&level.report));
+        let error = lodsmith::lod::error_of(&level.report);
+        let distance = error.map(|error| levels.screen.distance(error));
         let name = format!("level {}: ", k + 1);
         let arrays = simplified(py, level, &options.simplify, keywords.time_limit, &name)?;
         arrays.set_item("distance", distance)?;

@@ -32,7 +32,7 @@ pub(crate) fn compare<'py>(
     options.samples = samples.unwrap_or(options.samples);
     options.seed = seed.unwrap_or(options.seed);
     let found = Watch::default()
-        .run(py, |run| compare_until(&reference, &candidate, &options, &|| run.is_cancelled()))?
+        .run(py, |run| compare_until(&reference, &candidate, &options, &mut || run.is_cancelled()))?
         .map_err(|e| empty(py, &e))?;
     to_python(py, &report::comparison(&found))
 }

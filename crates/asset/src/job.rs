@@ -128,13 +128,20 @@ pub struct Job<'w> {
     clock: StageClock,
     /// False during steps without stages of the engine.
     has_stages: bool,
+    /// True in the stages of measuring and proving.
+    is_measuring: bool,
     time_limit: Option<f64>,
     deadline: Option<Instant>,
+    /// Time after the deadline in which results are still measured and proven.
+    grace: Duration,
     /// Memory limit of a step, in bytes.
     memory: u64,
     is_cancelled: bool,
 }
 
+/// Seconds after the time limit in which the result of an ended run is still measured and proven, so that most keep the
+/// promise of an error limit. (Guessed: as long as a user hardly notices.)
+const GRACE_SECS: f64 = 1.0;
 /// Default fraction of the available memory: the rest is for the system, and for memory that the estimates do not
 /// cover.
 const DEFAULT_MEMORY_SHARE: f64 = 0.75;
@@ -152,14 +159,28 @@ pub fn check_memory(step: &str, need: u64, limit: u64) -> Result<(), AssetError>
 }
 
 impl<'w> Job<'w> {
-    /// Starts a job: `time_limit` seconds from now, runs end with the best result so far; a step that would need more
-    /// than `memory` bytes is refused.
+    /// Starts a job: `time_limit` seconds from now, runs end with the best result so far, and one second later what is
+    /// not yet measured or proven of it stays so; a step that would need more than `memory` bytes is refused.
     pub fn new(watch: &'w mut dyn Watch, time_limit: Option<f64>, memory: u64) -> Self {
-        // Limited to a year, which does not overflow a clock.
-        let limit = time_limit.map(|s| Duration::from_secs_f64(s.clamp(0.0, 365.0 * 86400.0)));
+        let limit = time_limit.map(seconds_of);
         let clock = StageClock::new(&[Step::Read.name(), Step::Prepare.name(), Stage::Collapse.name()]);
         let deadline = limit.map(|d| Instant::now() + d);
-        Self { watch, clock, has_stages: true, time_limit, deadline, memory, is_cancelled: false }
+        Self {
+            watch,
+            clock,
+            has_stages: true,
+            is_measuring: false,
+            time_limit,
+            deadline,
+            grace: seconds_of(GRACE_SECS),
+            memory,
+            is_cancelled: false,
+        }
+    }
+
+    /// Sets the seconds after the time limit in which the result of an ended run is still measured and proven.
+    pub fn with_grace(self, secs: f64) -> Self {
+        Self { grace: seconds_of(secs), ..self }
     }
 
     /// Returns the default memory limit of a step in bytes: three quarters of the memory of the machine or container.
@@ -176,6 +197,7 @@ impl<'w> Job<'w> {
     /// Starts a step.
     pub fn enter(&mut self, step: Step) {
         self.has_stages = step == Step::Prepare;
+        self.is_measuring = false;
         self.clock.enter(step.name());
         self.watch.enter(step);
     }
@@ -194,6 +216,12 @@ impl<'w> Job<'w> {
     /// Returns the memory limit of a step, in bytes.
     pub(crate) fn memory(&self) -> u64 {
         self.memory
+    }
+
+    /// True after the time limit and, where results are measured, the grace.
+    fn is_late(&self) -> bool {
+        let grace = if self.is_measuring { self.grace } else { Duration::ZERO };
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline + grace)
     }
 
     /// True if the caller cancelled the job.
@@ -273,6 +301,7 @@ impl Control for Job<'_> {
     fn stage(&mut self, stage: Stage) {
         if self.has_stages {
             self.clock.enter(stage.name());
+            self.is_measuring = stage == Stage::Measure;
         }
         self.watch.stage(stage);
     }
@@ -283,10 +312,15 @@ impl Control for Job<'_> {
                 self.is_cancelled = true;
                 Verdict::Cancel
             }
-            Verdict::Continue if self.deadline.is_some_and(|d| Instant::now() >= d) => Verdict::Finish,
+            Verdict::Continue if self.is_late() => Verdict::Finish,
             verdict => verdict,
         }
     }
+}
+
+/// Converts seconds, limited to a year, which does not overflow a clock.
+fn seconds_of(secs: f64) -> Duration {
+    Duration::from_secs_f64(secs.clamp(0.0, 365.0 * 86400.0))
 }
 
 #[cfg(test)]
@@ -312,6 +346,27 @@ mod tests {
         let names: Vec<_> = clock.stages.iter().map(|(n, _)| *n).collect();
         assert_eq!(names, ["read", "prepare", "simplify", "fit", "write"]);
         assert_eq!(clock.total(), clock.stages.iter().map(|s| s.1).sum::<f64>());
+    }
+
+    #[test]
+    fn results_are_still_measured_after_the_time_limit_but_not_for_ever() {
+        let mut watch = NoControl;
+        let mut job = Job::new(&mut watch, Some(0.0), u64::MAX).with_grace(3600.0);
+        job.enter(Step::Prepare);
+        for (stage, verdict) in [
+            (Stage::Collapse, Verdict::Finish),
+            (Stage::Measure, Verdict::Continue),
+            (Stage::Fit, Verdict::Finish),
+            (Stage::Measure, Verdict::Continue),
+        ] {
+            job.stage(stage);
+            assert_eq!(job.progress(0.0), verdict, "{stage:?}");
+        }
+        job.enter(Step::Bake);
+        assert_eq!(job.progress(0.0), Verdict::Finish);
+        let mut job = Job::new(&mut watch, Some(0.0), u64::MAX).with_grace(0.0);
+        job.stage(Stage::Measure);
+        assert_eq!(job.progress(0.0), Verdict::Finish);
     }
 
     #[test]

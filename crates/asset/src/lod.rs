@@ -77,8 +77,9 @@ pub struct Level {
     pub report: Report,
     /// The reason why its target was not reached.
     pub not_reached: Option<String>,
-    /// The distance from which on the level looks like the original, at the scale of the output.
-    pub distance: f64,
+    /// The distance from which on the level looks like the original, at the scale of the output; `None` if the time limit
+    /// left no time to measure it.
+    pub distance: Option<f64>,
     /// Counts of the meshes that were simplified, with their names; empty for a single mesh.
     pub meshes: Vec<(String, MeshCounts)>,
 }
@@ -146,7 +147,8 @@ impl LodRecipe {
             let name = |(i, counts)| (asset.name(i).unwrap_or_default().to_owned(), counts);
             levels.push(Level {
                 not_reached,
-                distance: self.screen.distance(lodsmith::lod::error_of(&level.report)) * scale,
+                distance: lodsmith::lod::error_of(&level.report)
+                    .map(|error| self.screen.distance(error) * scale),
                 report: level.report,
                 meshes: level.counts.into_iter().map(name).collect(),
             });
@@ -174,8 +176,8 @@ impl LodRecipe {
         };
         job.enter(Step::Write);
         let mut writer = ChainWriter { asset: &asset, scene, meshes, baked, outputs, recipe: self };
-        let distances: Vec<f64> = levels.iter().map(|level| level.distance).collect();
-        let mut written = writer.write(&distances, job)?;
+        let distances: Option<Vec<f64>> = levels.iter().map(|level| level.distance).collect();
+        let mut written = writer.write(distances.as_deref(), job)?;
         warnings.extend(written.iter_mut().flat_map(|made| std::mem::take(&mut made.warnings)));
         if let (true, None, Some(to)) = (self.options.geomorph, asset.scene(), to)
             && to.format != Format::Ply
@@ -235,8 +237,12 @@ struct ChainWriter<'a> {
 }
 
 impl ChainWriter<'_> {
-    /// Writes the levels to one file, or each to its own file.
-    fn write(&mut self, distances: &[f64], job: &mut Job<'_>) -> Result<Vec<WriteOutcome>, AssetError> {
+    /// Writes the levels to one file, or each to its own file; without coverages, if not all distances are known.
+    fn write(
+        &mut self,
+        distances: Option<&[f64]>,
+        job: &mut Job<'_>,
+    ) -> Result<Vec<WriteOutcome>, AssetError> {
         match (&self.outputs.first, &mut self.scene) {
             (None, _) => Ok(Vec::new()),
             (Some(to), Some(scene)) if self.outputs.folder.is_none() => {
@@ -246,7 +252,8 @@ impl ChainWriter<'_> {
                 let mut levels = SceneLevels::new(std::mem::take(&mut self.meshes));
                 levels.separator = naming.mark().to_owned();
                 levels.numbers_level_0 = naming != Naming::Plain;
-                levels.coverage = coverage(scene, distances, &self.recipe.screen);
+                levels.coverage = distances
+                    .map_or_else(Vec::new, |distances| coverage(scene, distances, &self.recipe.screen));
                 levels.default_name = name_of_input(&self.outputs.source, &to.sink);
                 let baked = self.baked.take().unwrap_or_default();
                 levels.materials = baked.materials;

@@ -86,7 +86,7 @@ pub fn error_json(report: &Report) -> Value {
         measured["farthest"]["mesh"] = part.into();
     }
     json!({
-        "estimate": e.estimate, "bound": e.bound, "measured": measured,
+        "estimate": e.estimate, "bound": e.bound, "measured": measured, "incomplete": e.is_incomplete,
         "unit": "model", "diagonal": e.diagonal,
     })
 }

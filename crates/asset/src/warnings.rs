@@ -84,6 +84,12 @@ pub fn warnings_of(report: &Report) -> Vec<Warning> {
         let faces = counted(report.cleanup.non_finite_faces, "face has", "faces have");
         warnings.push(Warning::lost(format!("{faces} a position that is not finite: removed")));
     }
+    if report.error.is_incomplete {
+        warnings.push(match report.error.measured {
+            Some(_) => Warning::lost("time limit: the distance from the original is not proven"),
+            None => not_measured(),
+        });
+    }
     if report.seams_relaxed {
         warnings.push(Warning::note("seams were moved off their lines to get closer to the target"));
     }
@@ -105,6 +111,11 @@ pub fn warnings_of(report: &Report) -> Vec<Warning> {
         warnings.push(Warning::note("all parts are smaller than --prune: the largest was kept"));
     }
     warnings
+}
+
+/// Returns the warning that the time limit left no time to measure a result.
+pub fn not_measured() -> Warning {
+    Warning::lost("time limit: the distance from the original is not measured")
 }
 
 /// Returns a warning about meshes that lost their shape because all meshes share one target; `None` if there are none.

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::Instant;
 
 use serde_json::Value;
 
@@ -49,7 +50,7 @@ fn the_report_has_the_promised_keys_in_their_order() {
     assert_eq!(keys(report)[..promised.len()], promised);
     assert_eq!(keys(&report["input"]), ["path", "format", "faces", "vertices", "sizes"]);
     assert_eq!(keys(&report["output"]), ["path", "format", "faces", "vertices", "sizes"]);
-    assert_eq!(keys(&report["error"]), ["estimate", "bound", "measured", "unit", "diagonal"]);
+    assert_eq!(keys(&report["error"]), ["estimate", "bound", "measured", "incomplete", "unit", "diagonal"]);
     assert_eq!(keys(&report["seconds"])[..3], ["read", "prepare", "simplify"]);
     assert_eq!(*keys(&report["seconds"]).last().expect("it has stages"), "write");
     assert_eq!(report["input"]["faces"], 800);
@@ -757,6 +758,32 @@ fn a_time_limit_ends_every_command() {
         assert!(stderr.contains("not done within the time limit of 0.2 s"), "{line}: {stderr}");
         assert_eq!(sandbox.names("."), ["a.ply"], "{line}");
     }
+}
+
+/// All levels were measured after the end of the time: 64 levels of a cube took 16 s. What is made in time is written, and
+/// what is not measured has no numbers.
+#[test]
+fn levels_that_there_is_no_time_to_measure_have_no_distances() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(100));
+    let begin = Instant::now();
+    let line = "lod a.ply -o b.glb --count 64 --factor 0.95 --threads 1 --time-limit 1 --json";
+    let done = sandbox.run(line).with_status(0);
+    // (It is about two seconds, and without a limit many more. Tests run side by side.)
+    assert!(begin.elapsed().as_secs() < 20, "{:?}", begin.elapsed());
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let levels = report["levels"].as_array().unwrap();
+    assert!(levels.last().is_some_and(|level| level["error"]["incomplete"] == Value::Bool(true)));
+    for level in levels {
+        let is_known = level["error"]["incomplete"] == Value::Bool(false);
+        assert_eq!(level["error"]["measured"].is_object(), is_known, "{level}");
+        assert_eq!(level["distance"].is_number(), is_known, "{level}");
+        let says_so = level["warnings"]
+            .to_string()
+            .contains("time limit: the distance from the original is not measured");
+        assert_eq!(says_so, !is_known, "{level}");
+    }
+    assert!(Path::new(&sandbox.path("b.glb")).is_file());
 }
 
 #[test]

@@ -122,10 +122,10 @@ pub fn compare(
     candidate: &Surface<'_>,
     options: &CompareOptions,
 ) -> Result<Comparison, MeasureError> {
-    compare_until(reference, candidate, options, &|| false)
+    compare_until(reference, candidate, options, &mut || false)
 }
 
-/// Compares like [`compare`], until `is_cancelled` returns true. It is called often, by all threads.
+/// Compares like [`compare`], until `is_over` returns true. It is called often, on this thread.
 ///
 /// # Errors
 /// Those of [`compare`], and [`MeasureError::Cancelled`].
@@ -133,38 +133,38 @@ pub fn compare_until(
     reference: &Surface<'_>,
     candidate: &Surface<'_>,
     options: &CompareOptions,
-    is_cancelled: &(dyn Fn() -> bool + Sync),
+    is_over: &mut dyn FnMut() -> bool,
 ) -> Result<Comparison, MeasureError> {
     let reference = Prepared::named(reference, "reference")?;
     let candidate = Prepared::named(candidate, "candidate")?;
-    let found = compared(&reference, &candidate, options, is_cancelled);
-    if is_cancelled() { Err(MeasureError::Cancelled) } else { Ok(found) }
+    compare_prepared_until(&reference, &candidate, options, is_over).ok_or(MeasureError::Cancelled)
 }
 
 /// Compares like [`compare`], but takes prepared surfaces.
 pub fn compare_prepared(reference: &Prepared, candidate: &Prepared, options: &CompareOptions) -> Comparison {
-    compared(reference, candidate, options, &|| false)
+    compare_prepared_until(reference, candidate, options, &mut || false)
+        .expect("it ends only if it is asked to")
 }
 
-/// Compares prepared surfaces; the numbers of a cancelled comparison have no meaning.
-fn compared(
+/// Compares like [`compare_prepared`], until `is_over` returns true: then `None`. It is called often, on this thread.
+pub fn compare_prepared_until(
     reference: &Prepared,
     candidate: &Prepared,
     options: &CompareOptions,
-    is_cancelled: &(dyn Fn() -> bool + Sync),
-) -> Comparison {
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<Comparison> {
     let samples = options.samples.max(1);
     let affordable = |from, to| one_way::affordable_samples(from, to, samples, options.seed);
     let samples = affordable(reference, candidate).min(affordable(candidate, reference));
-    let mut forward = OneWay::measure(reference, candidate, samples, options.seed, is_cancelled);
-    let mut backward = OneWay::measure(candidate, reference, samples, options.seed, is_cancelled);
+    let mut forward = OneWay::measure(reference, candidate, samples, options.seed, is_over)?;
+    let mut backward = OneWay::measure(candidate, reference, samples, options.seed, is_over)?;
     let mut angles = std::mem::take(&mut forward.angles_deg);
     angles.append(&mut backward.angles_deg);
     let two = |f: fn(&OneWay) -> f64, both: fn(f64, f64) -> f64| {
         let (forward, backward) = (f(&forward), f(&backward));
         TwoWay { forward, backward, symmetric: both(forward, backward) }
     };
-    Comparison {
+    Some(Comparison {
         hausdorff: two(|d| d.max, f64::max),
         farthest: farthest(&forward, &backward, [reference, candidate]),
         mean: two(|d| d.mean, |a, b| a * 0.5 + b * 0.5),
@@ -176,7 +176,7 @@ fn compared(
         diagonal: reference.diagonal(),
         samples,
         seed: options.seed,
-    }
+    })
 }
 
 /// Returns the place of the largest distance of two directions between two surfaces.

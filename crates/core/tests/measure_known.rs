@@ -1,7 +1,5 @@
 //! Comparisons whose true distances are known.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use glam::DVec3;
 use lodsmith_core::measure::{
     CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, compare_until,
@@ -292,11 +290,13 @@ fn a_comparison_ends_when_it_is_cancelled() {
     let (a, b) = (bumpy(12), bumpy(5));
     // More samples than there is memory for.
     let many = options(1 << 32, 0);
-    let calls = AtomicUsize::new(0);
-    let few = || calls.fetch_add(1, Ordering::Relaxed) >= 3;
-    let made = compare_until(&a.surface(), &b.surface(), &many, &few);
-    assert_eq!(made, Err(MeasureError::Cancelled));
-    let all = compare_until(&a.surface(), &b.surface(), &options(20_000, 0), &|| false);
+    let mut calls = 0;
+    let made = compare_until(&a.surface(), &b.surface(), &many, &mut || {
+        calls += 1;
+        calls > 3
+    });
+    assert_eq!((made, calls), (Err(MeasureError::Cancelled), 4));
+    let all = compare_until(&a.surface(), &b.surface(), &options(20_000, 0), &mut || false);
     assert_eq!(all, Ok(measure(&a, &b)));
 }
 

@@ -1,7 +1,8 @@
 //! Proven bounds of the largest distance: never below the true distance, and close to it.
 
 use lodsmith_core::measure::proof::{
-    DistanceBounds, WithinResult, bound_distance, prove_within, samples_within,
+    DistanceBounds, WithinResult, bound_distance, bound_distance_until, prove_within, prove_within_until,
+    samples_within, samples_within_until,
 };
 use lodsmith_core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, shapes};
@@ -182,4 +183,33 @@ fn results_do_not_depend_on_the_order_of_the_faces() {
         (first.seen / second.seen - 1.0).abs() < 0.011 && (first.bound / second.bound - 1.0).abs() < 0.011
     );
     assert_eq!(first, bound_distance(&prepared(&soup(3000, &mut 3)), &prepared(&b), 0.0, 0.01));
+}
+
+/// Returns true if work ends whichever of its questions is answered with yes, and gives `all` if none is.
+fn ends_at_each_question<T: PartialEq>(all: T, work: impl Fn(&mut dyn FnMut() -> bool) -> Option<T>) -> bool {
+    let ended_at = |last: usize| {
+        let mut asked = 0;
+        let made = work(&mut || {
+            asked += 1;
+            asked > last
+        });
+        (made, asked)
+    };
+    let (made, asked) = ended_at(usize::MAX);
+    let ends = |last: usize| ended_at(last) == (None, last + 1);
+    made == Some(all) && asked > 0 && (0..asked).all(ends)
+}
+
+#[test]
+fn proofs_end_when_they_are_asked_to() {
+    let (from, to) = (prepared(&square(40, |x, y| 0.1 * x * y)), prepared(&square(33, |_, _| 0.0)));
+    let wanted = bound_distance(&from, &to, 0.0, 0.01);
+    assert!(ends_at_each_question(wanted, |is_over| bound_distance_until(&from, &to, 0.0, 0.01, is_over)));
+    let distance = wanted.bound;
+    let proven = prove_within(&from, &to, distance);
+    assert!(matches!(proven, WithinResult::Yes(_)));
+    let prove = |is_over: &mut dyn FnMut() -> bool| prove_within_until(&from, &to, distance, None, is_over);
+    assert!(ends_at_each_question(proven, prove));
+    let test = |is_over: &mut dyn FnMut() -> bool| samples_within_until(&from, &to, distance, None, is_over);
+    assert!(ends_at_each_question(true, test));
 }

@@ -1,5 +1,7 @@
 //! Progress and cancellation of a run. The library has no clock: the caller measures time.
 
+use crate::SimplifyError;
+
 /// Stage of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -10,7 +12,7 @@ pub enum Stage {
     Collapse,
     /// The final least-squares step.
     Fit,
-    /// Measuring the result against the input.
+    /// Measuring results against the input, and proving bounds.
     Measure,
 }
 
@@ -31,7 +33,10 @@ impl Stage {
 pub enum Verdict {
     /// Continue.
     Continue,
-    /// End soon and return the best mesh so far.
+    /// End soon and return the best mesh so far. What is not yet measured or proven stays so, and the
+    /// [report](crate::ErrorReport::is_incomplete) says it. A caller that wants the result of
+    /// an unfinished run measured or proven gives this answer later in the stage [`Measure`](Stage::Measure), at the end of
+    /// the time that this may take.
     Finish,
     /// End soon with an error and no mesh.
     Cancel,
@@ -48,6 +53,42 @@ pub trait Control {
     fn progress(&mut self, done: f64) -> Verdict {
         let _ = done;
         Verdict::Continue
+    }
+}
+
+/// Starts a stage, and asks whether there is time for it.
+///
+/// # Errors
+/// [`SimplifyError::Cancelled`].
+pub(crate) fn has_time_for(stage: Stage, control: &mut dyn Control) -> Result<bool, SimplifyError> {
+    control.stage(stage);
+    match control.progress(0.0) {
+        Verdict::Continue => Ok(true),
+        Verdict::Finish => Ok(false),
+        Verdict::Cancel => Err(SimplifyError::Cancelled),
+    }
+}
+
+/// Does work of the current stage that asks from time to time whether to end, and then returns `None`. Returns `None` too if
+/// the caller ends the run.
+///
+/// # Errors
+/// [`SimplifyError::Cancelled`].
+pub(crate) fn while_wanted<T>(
+    control: &mut dyn Control,
+    work: impl FnOnce(&mut dyn FnMut() -> bool) -> Option<T>,
+) -> Result<Option<T>, SimplifyError> {
+    let mut verdict = Verdict::Continue;
+    let made = work(&mut || {
+        if verdict == Verdict::Continue {
+            verdict = control.progress(0.0);
+        }
+        verdict != Verdict::Continue
+    });
+    match verdict {
+        Verdict::Continue => Ok(made),
+        Verdict::Finish => Ok(None),
+        Verdict::Cancel => Err(SimplifyError::Cancelled),
     }
 }
 

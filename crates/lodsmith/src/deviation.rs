@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use lodsmith_core::measure::proof::map::{LimitMap, MapSide};
 use lodsmith_core::measure::proof::{
-    WithinResult, bound_distance, prove_within, prove_within_map, samples_within, samples_within_map,
+    WithinResult, bound_distance_until, prove_within_until, samples_within_until,
 };
-use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
+use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared_until};
 use lodsmith_core::{FaceId, Surface, TriMesh};
 
+use crate::SimplifyError;
+use crate::control::{Control, while_wanted};
 use crate::options::{Bound, Measure, SimplifyOptions};
 
 /// Distances below this share of the diagonal are rounding.
@@ -29,9 +31,48 @@ const PROOF_SAMPLES: usize = 50_000;
 pub(crate) struct Deviation {
     pub(crate) measured: Option<Comparison>,
     pub(crate) bound: Option<f64>,
+    /// True if the caller ended the run before all was known.
+    pub(crate) is_incomplete: bool,
+}
+
+/// Answer to the question whether a result is within a distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Judgement {
+    /// It is, and has this bound.
+    Within(f64),
+    /// It is not, or cannot be proven to be.
+    Unproven,
+    /// The caller ended the run before that was known.
+    Unknown,
+}
+
+/// A test that asks from time to time whether to end, and returns `None` then.
+type IsOver<'a> = &'a mut dyn FnMut() -> bool;
+
+impl Judgement {
+    fn of(known: Option<Option<f64>>) -> Self {
+        match known {
+            Some(Some(bound)) => Self::Within(bound),
+            Some(None) => Self::Unproven,
+            None => Self::Unknown,
+        }
+    }
+
+    /// The proven bound, if there is one.
+    pub(crate) fn bound(self) -> Option<f64> {
+        match self {
+            Self::Within(bound) => Some(bound),
+            Self::Unproven | Self::Unknown => None,
+        }
+    }
 }
 
 impl Deviation {
+    /// Returns what is known of a result that the caller left no time to measure.
+    pub(crate) fn unknown() -> Self {
+        Self { is_incomplete: true, ..Self::default() }
+    }
+
     /// Returns the guaranteed largest distance or, without one, the largest distance seen.
     pub(crate) fn largest(&self) -> Option<f64> {
         self.bound.or(self.measured.as_ref().map(|m| m.hausdorff.symmetric))
@@ -111,111 +152,163 @@ impl InputComparer {
         &self.reference
     }
 
-    /// Returns true if a result stays within a distance at a few fixed points, the same for all distances.
-    /// Never false where [`Self::proven_within`] finds a bound.
-    pub(crate) fn passes_spot_check(&self, result: &PreparedResult, limit: f64) -> bool {
-        if let Some(map) = self.map_of(limit) {
-            let back = samples_within_map(&result.0, &self.reference, limit, MapSide::To(&map));
-            let forward = || samples_within_map(&self.reference, &result.0, limit, MapSide::From(&map));
-            return back && (self.promised == Bound::OneSided || forward());
-        }
-        let forward = || samples_within(&self.reference, &result.0, limit);
-        samples_within(&result.0, &self.reference, limit) && (self.promised == Bound::OneSided || forward())
+    /// Returns true if a result stays within a distance at a few fixed points, the same for all distances; false
+    /// too if the caller ends the run. Otherwise never false where [`Self::proven_within`] finds a bound.
+    pub(crate) fn passes_spot_check(
+        &self,
+        result: &PreparedResult,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<bool, SimplifyError> {
+        Ok(while_wanted(control, |is_over| self.spot_check(result, limit, is_over))? == Some(true))
     }
 
-    /// Returns an upper bound on the distance if the result stays within `limit`, in the sense of the
-    /// guarantee.
-    pub(crate) fn proven_within(&self, result: &PreparedResult, limit: f64) -> Option<f64> {
+    fn spot_check(
+        &self,
+        PreparedResult(result): &PreparedResult,
+        limit: f64,
+        is_over: IsOver<'_>,
+    ) -> Option<bool> {
         let map = self.map_of(limit);
-        let back = || match &map {
-            Some(map) => prove_within_map(&result.0, &self.reference, limit, MapSide::To(map)),
-            None => proven(&result.0, &self.reference, limit),
-        };
-        let forward = || match &map {
-            Some(map) => prove_within_map(&self.reference, &result.0, limit, MapSide::From(map)),
-            None => proven(&self.reference, &result.0, limit),
-        };
-        match self.promised {
-            Bound::OneSided => back(),
-            Bound::Auto | Bound::TwoSided => {
-                // The direction from the result is usually quicker to prove.
-                let back = back()?;
-                Some(forward()?.max(back))
-            }
-            Bound::Estimate => {
-                let seen = self.compare(&result.0).hausdorff.symmetric;
-                (seen <= limit && self.passes_spot_check(result, limit)).then_some(seen)
-            }
+        let (to, from) = (map.as_ref().map(MapSide::To), map.as_ref().map(MapSide::From));
+        let is_near = samples_within_until(result, &self.reference, limit, to, is_over)?;
+        if !is_near || !self.is_two_sided() {
+            return Some(is_near);
         }
+        samples_within_until(&self.reference, result, limit, from, is_over)
+    }
+
+    /// Tests whether the result stays within `limit`, in the sense of the guarantee.
+    pub(crate) fn proven_within(
+        &self,
+        result: &PreparedResult,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<Judgement, SimplifyError> {
+        Ok(Judgement::of(while_wanted(control, |is_over| self.bound_within(result, limit, is_over))?))
+    }
+
+    /// Returns an upper bound on the distance if the result stays within `limit`.
+    fn bound_within(&self, result: &PreparedResult, limit: f64, is_over: IsOver<'_>) -> Option<Option<f64>> {
+        if self.promised == Bound::Estimate {
+            let seen = self.compare(&result.0, self.samples, is_over)?.hausdorff.symmetric;
+            return Some((seen <= limit && self.spot_check(result, limit, is_over)?).then_some(seen));
+        }
+        let map = self.map_of(limit);
+        let (to, from) = (map.as_ref().map(MapSide::To), map.as_ref().map(MapSide::From));
+        let bound_of = |proof| if let WithinResult::Yes(bound) = proof { Some(bound) } else { None };
+        // The direction from the result is usually quicker to prove.
+        let back = prove_within_until(&result.0, &self.reference, limit, to, is_over)?;
+        let Some(back) = bound_of(back).filter(|_| self.is_two_sided()) else { return Some(bound_of(back)) };
+        let forward = prove_within_until(&self.reference, &result.0, limit, from, is_over)?;
+        Some(bound_of(forward).map(|forward| forward.max(back)))
     }
 
     /// Returns [`Self::proven_within`] of a mesh, after a check at a few points.
-    pub(crate) fn proven_within_mesh(&self, mesh: &TriMesh, limit: f64) -> Option<f64> {
-        let made = PreparedResult::new(mesh)?;
-        self.passes_spot_check(&made, limit).then(|| self.proven_within(&made, limit)).flatten()
+    pub(crate) fn proven_within_mesh(
+        &self,
+        mesh: &TriMesh,
+        limit: f64,
+        control: &mut dyn Control,
+    ) -> Result<Judgement, SimplifyError> {
+        let Some(made) = PreparedResult::new(mesh) else { return Ok(Judgement::Unproven) };
+        Ok(Judgement::of(while_wanted(control, |is_over| {
+            if self.spot_check(&made, limit, is_over)? {
+                self.bound_within(&made, limit, is_over)
+            } else {
+                Some(None)
+            }
+        })?))
     }
 
     /// Measures a result, and proves a bound if one is guaranteed. `known` is a bound proven before.
-    pub(crate) fn measure(&self, mesh: &TriMesh, known: Option<f64>) -> Deviation {
-        PreparedResult::new(mesh)
-            .map_or_else(Deviation::default, |result| self.measure_prepared(&result, known))
+    pub(crate) fn measure(
+        &self,
+        mesh: &TriMesh,
+        known: Option<f64>,
+        control: &mut dyn Control,
+    ) -> Result<Deviation, SimplifyError> {
+        match PreparedResult::new(mesh) {
+            Some(result) => self.measure_prepared(&result, known, control),
+            None => Ok(Deviation::default()),
+        }
     }
 
     pub(crate) fn measure_prepared(
         &self,
         PreparedResult(result): &PreparedResult,
         known: Option<f64>,
-    ) -> Deviation {
-        let measured = self.compare(result);
+        control: &mut dyn Control,
+    ) -> Result<Deviation, SimplifyError> {
+        let without = Deviation { bound: known, ..Deviation::unknown() };
+        let Some(measured) = while_wanted(control, |is_over| self.compare(result, self.samples, is_over))?
+        else {
+            return Ok(without);
+        };
         let seen = &measured.hausdorff;
         let (count, seen_of_all) = match self.promised {
-            Bound::Estimate => return Deviation { bound: None, measured: Some(measured) },
+            Bound::Estimate => return Ok(Deviation { measured: Some(measured), ..Deviation::default() }),
             Bound::OneSided => (1, seen.backward),
             Bound::Auto | Bound::TwoSided => (2, seen.symmetric),
         };
-        let bound =
-            known.filter(|known| *known <= MAX_KNOWN_BOUND_RATIO * seen_of_all).unwrap_or_else(|| {
-                let directions =
-                    [(result, &*self.reference, seen.backward), (&*self.reference, result, seen.forward)];
-                let all = directions[..count].iter();
-                let bound = all
-                    .map(|(from, to, seen)| bound_distance(from, to, *seen, BOUND_TOLERANCE).bound)
-                    .fold(0.0, f64::max);
-                known.map_or(bound, |known| known.min(bound))
-            });
-        Deviation { bound: Some(bound), measured: Some(measured) }
+        let directions =
+            [(result, &*self.reference, seen.backward), (&*self.reference, result, seen.forward)];
+        let bound = known.filter(|known| *known <= MAX_KNOWN_BOUND_RATIO * seen_of_all);
+        let bound = match bound {
+            Some(bound) => Some(bound),
+            None => while_wanted(control, |is_over| {
+                let mut bound = 0f64;
+                for (from, to, seen) in &directions[..count] {
+                    bound = bound.max(bound_distance_until(from, to, *seen, BOUND_TOLERANCE, is_over)?.bound);
+                }
+                Some(known.map_or(bound, |known| known.min(bound)))
+            })?,
+        };
+        let measured = Some(measured);
+        Ok(match bound {
+            Some(_) => Deviation { measured, bound, is_incomplete: false },
+            // (A bound that is known is proven, too.)
+            None => Deviation { measured, is_incomplete: known.is_none(), ..without },
+        })
     }
 
-    /// Measures a result by samples; `None` if it has no face.
-    pub(crate) fn measured(&self, mesh: &TriMesh) -> Option<Comparison> {
-        PreparedResult::new(mesh).map(|result| self.compare(&result.0))
+    /// Measures a result by samples; `None` if it has no face, or the caller ends the run.
+    pub(crate) fn measured(
+        &self,
+        mesh: &TriMesh,
+        control: &mut dyn Control,
+    ) -> Result<Option<Comparison>, SimplifyError> {
+        self.sampled(mesh, self.samples, control)
     }
 
-    /// Returns the two-way RMS distance of a result, by this many samples in each direction; infinite if it
-    /// has no face.
-    pub(crate) fn rms(&self, mesh: &TriMesh, samples: usize) -> f64 {
-        self.sampled(mesh, samples).map_or(f64::INFINITY, |found| found.rms.symmetric)
+    /// Returns the two-way RMS distance of a result, by this many samples in each direction: infinite if it has no
+    /// face, `None` if the caller ends the run.
+    pub(crate) fn rms(
+        &self,
+        mesh: &TriMesh,
+        samples: usize,
+        control: &mut dyn Control,
+    ) -> Result<Option<f64>, SimplifyError> {
+        let Some(PreparedResult(made)) = PreparedResult::new(mesh) else { return Ok(Some(f64::INFINITY)) };
+        let found = while_wanted(control, |is_over| self.compare(&made, samples, is_over))?;
+        Ok(found.map(|found| found.rms.symmetric))
     }
 
-    /// Measures a result by this many samples in each direction; `None` if it has no face.
-    pub(crate) fn sampled(&self, mesh: &TriMesh, samples: usize) -> Option<Comparison> {
+    /// Measures a result by this many samples in each direction; `None` if it has no face, or the caller ends the
+    /// run.
+    pub(crate) fn sampled(
+        &self,
+        mesh: &TriMesh,
+        samples: usize,
+        control: &mut dyn Control,
+    ) -> Result<Option<Comparison>, SimplifyError> {
+        let Some(PreparedResult(made)) = PreparedResult::new(mesh) else { return Ok(None) };
+        while_wanted(control, |is_over| self.compare(&made, samples, is_over))
+    }
+
+    fn compare(&self, result: &Prepared, samples: usize, is_over: IsOver<'_>) -> Option<Comparison> {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);
-        PreparedResult::new(mesh)
-            .map(|PreparedResult(made)| compare_prepared(&self.reference, &made, &options))
-    }
-
-    fn compare(&self, result: &Prepared) -> Comparison {
-        let mut options = CompareOptions::default();
-        (options.samples, options.seed) = (self.samples, self.seed);
-        compare_prepared(&self.reference, result, &options)
-    }
-}
-
-/// Returns an upper bound of the distance of a surface from another, if it is proven to be at most `limit`.
-fn proven(from: &Prepared, to: &Prepared, limit: f64) -> Option<f64> {
-    match prove_within(from, to, limit) {
-        WithinResult::Yes(bound) => Some(bound),
-        _ => None,
+        compare_prepared_until(&self.reference, result, &options, is_over)
     }
 }

@@ -44,7 +44,8 @@
 //!
 //! let mesh = lodsmith::core::shapes::icosphere(5);
 //! let chain = lod(&mesh, &LodOptions::new(Levels::Steps { count: 3, factor: 0.5 }))?;
-//! let from: Vec<f64> = chain.levels.iter().map(|l| Screen::default().distance(error_of(&l.report))).collect();
+//! let errors = chain.levels.iter().filter_map(|level| error_of(&level.report));
+//! let from: Vec<f64> = errors.map(|error| Screen::default().distance(error)).collect();
 //! assert!(from.is_sorted() && chain.levels[2].report.faces <= mesh.face_count() / 8);
 //! # Ok::<(), lodsmith::SimplifyError>(())
 //! ```

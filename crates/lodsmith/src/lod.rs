@@ -4,10 +4,10 @@ mod geomorph;
 
 use lodsmith_core::{Positions, TriMesh};
 
-use crate::control::{Control, NoControl, ProgressShare};
+use crate::control::{Control, NoControl, ProgressShare, Stage, has_time_for};
 use crate::input::Input;
 use crate::options::{Length, SimplifyOptions, Stop};
-use crate::report::Report;
+use crate::report::{Report, StoppedBy};
 use crate::run::is_chained;
 use crate::scene::{self, Part, SimplifiedScene};
 use crate::{Simplified, SimplifyError, pipeline, simplify_with};
@@ -207,14 +207,9 @@ fn chain(
     let (levels, mergers) = match chain {
         Some((all, mergers)) => (all.into_iter().map(|done| done.0).collect::<Vec<_>>(), mergers),
         None => {
-            let one = |(i, stop): (usize, &Stop)| {
-                simplify_with(
-                    input,
-                    &options.of_level(*stop),
-                    &mut ProgressShare::of(control, i, stops.len()),
-                )
-            };
-            (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
+            let one =
+                |stop, control: &mut dyn Control| simplify_with(input, &options.of_level(stop), control);
+            (each_level(&stops, one, |level| level.report.stopped_by, control)?, Vec::new())
         }
     };
     let mut geomorphs = Vec::new();
@@ -234,11 +229,35 @@ fn chain(
     Ok(LodChain { levels, geomorphs })
 }
 
+/// Makes each level with a run of its own, until the caller ends one: the levels after it would hardly differ from the
+/// original.
+fn each_level<T>(
+    stops: &[Stop],
+    one: impl Fn(Stop, &mut dyn Control) -> Result<T, SimplifyError>,
+    stopped_by: impl Fn(&T) -> StoppedBy,
+    control: &mut dyn Control,
+) -> Result<Vec<T>, SimplifyError> {
+    let mut levels = Vec::with_capacity(stops.len());
+    for (i, stop) in stops.iter().enumerate() {
+        let control = &mut ProgressShare::of(control, i, stops.len());
+        if i > 0 && !has_time_for(Stage::Prepare, control)? {
+            break;
+        }
+        let level = one(*stop, control)?;
+        let is_last = stopped_by(&level) == StoppedBy::Caller;
+        levels.push(level);
+        if is_last {
+            break;
+        }
+    }
+    Ok(levels)
+}
+
 /// The levels of a scene.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct SceneChain {
-    /// All levels but level 0, which is the original.
+    /// All levels but level 0, which is the original. Fewer than requested if the caller ended the run.
     pub levels: Vec<SimplifiedScene>,
     geomorphs: Vec<Vec<Positions>>,
 }
@@ -269,11 +288,10 @@ pub fn lod_scene(
     let (levels, merged): (Vec<SimplifiedScene>, Vec<_>) = match made {
         Some(all) => all.into_iter().unzip(),
         None => {
-            let one = |(i, stop): (usize, &Stop)| {
-                let control = &mut ProgressShare::of(control, i, stops.len());
-                scene::simplify_scene(parts, diagonal, &options.of_level(*stop), control)
+            let one = |stop, control: &mut dyn Control| {
+                scene::simplify_scene(parts, diagonal, &options.of_level(stop), control)
             };
-            (stops.iter().enumerate().map(one).collect::<Result<_, _>>()?, Vec::new())
+            (each_level(&stops, one, |level| level.report.stopped_by, control)?, Vec::new())
         }
     };
     let mut geomorphs = Vec::new();
@@ -335,12 +353,16 @@ impl Screen {
 }
 
 /// Returns the deviation of a level that must not become visible: the larger of the proven bound and the
-/// largest measured distance in either direction; without these, the estimated RMS.
-pub fn error_of(report: &Report) -> f64 {
+/// largest measured distance in either direction; without these, the estimated RMS. `None` if it is not known, because
+/// the caller ended the run before it was measured.
+pub fn error_of(report: &Report) -> Option<f64> {
     let error = &report.error;
+    if error.is_incomplete {
+        return None;
+    }
     let measured = error.measured.as_ref().map(|m| m.hausdorff.symmetric);
     // A one-sided bound may be less than the distance in the other direction.
-    measured.into_iter().chain(error.bound).reduce(f64::max).unwrap_or(error.estimate)
+    Some(measured.into_iter().chain(error.bound).reduce(f64::max).unwrap_or(error.estimate))
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ fn simplify_once(
         if let Some(sheets) = TwoSidedInput::find(input, &prepared.input, own, options)? {
             let cleanup = own.cleanup;
             ordered = None;
-            let done = sheets.simplify(options, |single, options| simplify_once(single, options, control))?;
+            let done = sheets.simplify(options, simplify_once, control)?;
             if sheets.has_no_more_opposite(&done.0.mesh) {
                 return Ok(with_sheets(done, &sheets, &prepared, cleanup));
             }
@@ -145,7 +145,7 @@ pub(crate) fn simplify_chain(
         let Some(own) = sheets.chain_stops(stops) else { return Ok(None) };
         let made = simplify_chain(&sheets.input(), options, &own, is_traced, control)?;
         let Some((levels, mergers)) = made else { return Ok(None) };
-        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options)?;
+        let (levels, mergers) = sheets.both_levels(levels, &mergers, stops, options, control)?;
         let all = levels.into_iter().map(|done| with_sheets(done, &sheets, &prepared, cleanup));
         return Ok(Some((all.collect(), mergers)));
     }

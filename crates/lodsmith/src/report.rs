@@ -147,6 +147,10 @@ pub struct ErrorReport {
     /// most 1 % above the largest distance seen, or 25 % with a stop at an error, unless that took too much
     /// work.
     pub bound: Option<f64>,
+    /// True if the caller [ended](crate::Verdict::Finish) the run before all was measured and proven that the options ask for:
+    /// what is missing in `measured` and `bound` is not known.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub is_incomplete: bool,
     /// Diagonal of the input's bounding box.
     pub diagonal: f64,
 }

@@ -41,7 +41,6 @@ use crate::collapse::{Goal, StopReason};
 use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
 use crate::cost::metric::{Metric, with_metric};
-use crate::deviation::{self, Deviation};
 use crate::input::Input;
 use crate::options::{MethodKind, SimplifyOptions, TopologyPolicy};
 pub(crate) use chain::{Mergers, chain, is_chained};
@@ -148,16 +147,13 @@ impl Run<'_, '_> {
             let mut other =
                 Run { input, options: &options, ordered, goal, constraints, pass, step, is_traced, fits };
             let without = other.run_pass(goal, control)?;
-            outcome = self.closest(vec![outcome, without], Some(0), control);
+            outcome = self.closest(vec![outcome, without], Some(0), control)?;
         }
         if self.is_best() && outcome.end == StopReason::Goal {
             outcome = with_metric!(self.options.method.kind(), METRIC => self.best(METRIC, outcome, control))
                 .expect("only methods that collapse edges have an effort")?;
         }
-        let comparer =
-            if deviation::needs_measurement(self.options) { self.input_comparer(control) } else { None };
-        let deviation =
-            comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None));
+        let deviation = self.measured(&outcome.mesh, control)?;
         Ok((outcome, deviation, false))
     }
 
@@ -181,7 +177,7 @@ impl Run<'_, '_> {
             return Ok(outcome);
         }
         let other = self.run_from_start(metric, goal, TopologyChanges { seams: true, ..allowed }, control)?;
-        Ok(self.closest(vec![outcome, other], None, control))
+        self.closest(vec![outcome, other], None, control)
     }
 
     /// Sweeps from the start to a goal, without a pause.

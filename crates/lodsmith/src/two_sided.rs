@@ -27,6 +27,7 @@ use lodsmith_core::{Morphed, Semantic, Surface, TriMesh, VertexId, WedgeId};
 
 use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered, order};
+use crate::control::{Control, Stage, has_time_for};
 use crate::deviation::InputComparer;
 use crate::input::{Input, OwnedMeshData};
 use crate::options::{Bound, Method, SimplifyOptions, Stop, TopologyPolicy};
@@ -180,13 +181,14 @@ impl<'a> TwoSidedInput<'a> {
     pub(crate) fn simplify(
         &self,
         options: &SimplifyOptions,
-        mut run: impl FnMut(&Input<'_>, &SimplifyOptions) -> Result<Done, SimplifyError>,
+        run: impl Fn(&Input<'_>, &SimplifyOptions, &mut dyn Control) -> Result<Done, SimplifyError>,
+        control: &mut dyn Control,
     ) -> Result<Done, SimplifyError> {
         let mut own = options.clone();
         let goal = self.goal(&options.stop);
         let once = |stop| {
             own.stop = stop;
-            let (done, held) = run(&self.input(), &own)?;
+            let (done, held) = run(&self.input(), &own, control)?;
             let reached = done.report.reached;
             let (both, report) = self.both_sides(&done.mesh, &held, done.report)?;
             let counted = (goal.counted)(&both.mesh);
@@ -195,7 +197,7 @@ impl<'a> TwoSidedInput<'a> {
         let (both, mut report) =
             goal.search(self.is_uniform || goal.count.is_none(), 2.0, options.stop.error, once)?;
         goal.judge(&mut report);
-        self.measure(&both.mesh, &mut report, options);
+        self.measure(&both.mesh, &mut report, options, control)?;
         Ok((crate::Simplified { mesh: both.mesh, report }, both.held))
     }
 
@@ -225,6 +227,7 @@ impl<'a> TwoSidedInput<'a> {
         mergers: &Mergers,
         stops: &[Stop],
         options: &SimplifyOptions,
+        control: &mut dyn Control,
     ) -> Result<(Vec<Done>, Mergers), SimplifyError> {
         let mut all: Vec<Done> = Vec::with_capacity(levels.len());
         let mut both_mergers = Mergers::new();
@@ -237,7 +240,7 @@ impl<'a> TwoSidedInput<'a> {
         for (k, ((done, held), stop)) in levels.into_iter().zip(stops).enumerate() {
             let (both, mut report) = self.both_sides(&done.mesh, &held, done.report)?;
             self.goal(stop).judge(&mut report);
-            self.measure(&both.mesh, &mut report, options);
+            self.measure(&both.mesh, &mut report, options, control)?;
             let fronts = done.mesh.vertex_count();
             if let Some(into) = mergers.get(k) {
                 let mut copy = vec![NONE; fronts];
@@ -294,11 +297,26 @@ impl<'a> TwoSidedInput<'a> {
 
     /// Measures a result with both sides, if the run was measured: by area, so that sheets count twice. A bound that is
     /// proven for one side holds for both.
-    fn measure(&self, mesh: &TriMesh, report: &mut Report, options: &SimplifyOptions) {
-        if report.error.measured.is_some() {
-            let comparer = InputComparer::new(&self.whole.surface(), options);
-            report.error.measured = comparer.and_then(|comparer| comparer.measured(mesh));
+    fn measure(
+        &self,
+        mesh: &TriMesh,
+        report: &mut Report,
+        options: &SimplifyOptions,
+        control: &mut dyn Control,
+    ) -> Result<(), SimplifyError> {
+        if report.error.measured.take().is_some() {
+            let comparer = if has_time_for(Stage::Measure, control)? {
+                InputComparer::new(&self.whole.surface(), options)
+            } else {
+                None
+            };
+            if let Some(comparer) = comparer {
+                report.error.measured = comparer.measured(mesh, control)?;
+            }
+            // (Before, there was a face to measure from.)
+            report.error.is_incomplete |= report.error.measured.is_none();
         }
+        Ok(())
     }
 
     fn goal(&self, stop: &Stop) -> CountedGoal {

@@ -2,13 +2,13 @@
 //! run within it is heavier.
 
 use lodsmith::core::geometry::triangle::weights_at;
-use lodsmith::core::measure::Prepared;
 use lodsmith::core::measure::proof::{WithinResult, prove_within};
+use lodsmith::core::measure::{CompareOptions, Prepared, compare};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{TriMesh, VertexId, shapes};
 use lodsmith::{
     Bound, Control, Input, Length, MethodKind, NoControl, Refusal, Report, Simplified, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
+    SimplifyOptions, Stage, Stop, StoppedBy, TopologyPolicy, Verdict, simplify, simplify_with,
 };
 
 use crate::support::{CaseFilter, size};
@@ -233,12 +233,33 @@ fn bits(mesh: &TriMesh, v: usize) -> [u64; 3] {
 }
 
 /// Asks a run to finish from the nth time on that it is asked.
-struct FinishAt(usize);
+struct FinishAt {
+    left: usize,
+    /// Number of questions in the stage of measuring and proving that are answered with a yes nevertheless.
+    patience: usize,
+    stage: Stage,
+}
+
+impl FinishAt {
+    fn new(left: usize, patience: usize) -> Self {
+        Self { left, patience, stage: Stage::Prepare }
+    }
+}
 
 impl Control for FinishAt {
+    fn stage(&mut self, stage: Stage) {
+        self.stage = stage;
+    }
     fn progress(&mut self, _: f64) -> Verdict {
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 { Verdict::Finish } else { Verdict::Continue }
+        if self.left > 0 {
+            self.left -= 1;
+            return Verdict::Continue;
+        }
+        if self.stage == Stage::Measure && self.patience > 0 {
+            self.patience -= 1;
+            return Verdict::Continue;
+        }
+        Verdict::Finish
     }
 }
 
@@ -260,14 +281,50 @@ fn a_run_that_is_ended_later_does_not_return_the_input() {
     let mesh = two_spheres();
     let (mut lightest, mut are_all_made) = (mesh.face_count(), false);
     for n in (61..260).step_by(9).chain([usize::MAX]) {
-        let done = simplify_with(Input::new(&mesh), &within(0.01), &mut FinishAt(n)).unwrap();
+        let control = &mut FinishAt::new(n, usize::MAX);
+        let done = simplify_with(Input::new(&mesh), &within(0.01), control).unwrap();
         let (report, faces) = (&done.report, done.report.faces);
-        assert!(report.error.bound.unwrap() <= 0.01 * report.error.diagonal * (1.0 + 1e-9));
+        assert!(
+            !report.error.is_incomplete
+                && report.error.bound.unwrap() <= 0.01 * report.error.diagonal * (1.0 + 1e-9)
+        );
         assert!(faces < mesh.face_count() || lightest == faces, "{n}: {faces} after {lightest}");
         lightest = lightest.min(faces);
         are_all_made |= report.reached;
     }
     assert!(are_all_made && lightest < mesh.face_count() / 10, "{lightest}");
+}
+
+/// A run whose time was over went on until its result was proven and measured.
+#[test]
+fn a_bound_that_there_was_no_time_to_prove_is_not_claimed() {
+    let mesh = shapes::blob(3, 2);
+    let options = within(0.01);
+    let whole = simplify_with(&mesh, &options, &mut NoControl).unwrap();
+    let (mut are_proven, mut are_unproven) = (0, 0);
+    for n in 0..40 {
+        let patience = n % 5;
+        let control = &mut FinishAt::new(n, patience);
+        let Simplified { mesh: made, report } = simplify_with(&mesh, &options, control).unwrap();
+        let is_cut_short = control.left == 0 && report.stopped_by == StoppedBy::Caller;
+        assert!(is_cut_short || made == whole.mesh, "{n}");
+        let error = &report.error;
+        let limit = 0.01 * error.diagonal * (1.0 + 1e-9);
+        match error.bound {
+            Some(bound) => {
+                assert!(bound <= limit, "{n}: {bound}");
+                are_proven += 1;
+            }
+            None => {
+                assert!(error.is_incomplete && error.measured.is_none() && !report.reached, "{n}");
+                // What is returned was tested at samples.
+                let found = compare(&mesh.surface(), &made.surface(), &CompareOptions::default()).unwrap();
+                assert!(found.hausdorff.symmetric <= 1.1 * limit, "{n}: {}", found.hausdorff.symmetric);
+                are_unproven += 1;
+            }
+        }
+    }
+    assert!(are_proven > 0 && are_unproven > 0, "{are_proven} {are_unproven}");
 }
 
 /// Shares of an error that rise along x from `least` to 1.

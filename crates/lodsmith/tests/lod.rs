@@ -3,9 +3,11 @@
 use lodsmith::core::measure::{CompareOptions, Prepared, compare_prepared};
 use lodsmith::core::spatial::Bvh;
 use lodsmith::core::{Positions, TriMesh, shapes};
+use lodsmith::lod::error_of;
 use lodsmith::{
-    BorderPolicy, Control, Length, Levels, LodOptions, Measure, MethodKind, NoControl, Part, SimplifyError,
-    SimplifyOptions, Stop, StoppedBy, Verdict, lod, lod_scene, lod_with, simplify, simplify_scene,
+    BorderPolicy, Control, Length, Levels, LodOptions, Measure, MethodKind, NoControl, Part, Simplified,
+    SimplifyError, SimplifyOptions, Stage, Stop, StoppedBy, Verdict, lod, lod_scene, lod_with, simplify,
+    simplify_scene,
 };
 
 use crate::support::bytes;
@@ -244,6 +246,70 @@ fn a_caller_can_end_a_chain() {
     let chain = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(4, Verdict::Finish)).unwrap();
     assert!(chain.levels.len() < RATIOS.len());
     assert_eq!(chain.levels.last().unwrap().report.stopped_by, StoppedBy::Caller);
+}
+
+/// Ends a run at the nth question of the stage `Measure`.
+struct EndsInMeasure {
+    left: usize,
+    is_measuring: bool,
+    questions: usize,
+}
+
+impl EndsInMeasure {
+    fn after(left: usize) -> Self {
+        Self { left, is_measuring: false, questions: 0 }
+    }
+}
+
+impl Control for EndsInMeasure {
+    fn stage(&mut self, stage: Stage) {
+        self.is_measuring = stage == Stage::Measure;
+    }
+    fn progress(&mut self, done: f64) -> Verdict {
+        assert!((0.0..=1.0).contains(&done), "{done}");
+        if self.is_measuring {
+            self.questions += 1;
+        }
+        if self.questions > self.left { Verdict::Finish } else { Verdict::Continue }
+    }
+}
+
+/// All levels were measured, however late it was: 64 levels took 13.5 s with a time limit of one second.
+#[test]
+fn levels_are_not_measured_after_the_end() {
+    let mesh = shapes::blob(3, 1);
+    let mut chained = ratios(&[0.5, 0.2]);
+    chained.simplify.measure = Measure::Always;
+    let mut separate = chained.clone();
+    separate.simplify.escalate = true;
+    for (options, is_chained) in [(chained, true), (separate, false)] {
+        let mut all = EndsInMeasure::after(usize::MAX);
+        let whole = lod_with(&mesh, &options, &mut all).unwrap();
+        let is_whole =
+            |level: &Simplified| level.report.error.measured.is_some() && !level.report.error.is_incomplete;
+        assert!(whole.levels.len() == 2 && whole.levels.iter().all(is_whole));
+        assert!(all.questions > 8, "{}", all.questions);
+        for after in [0, 1, 2, all.questions / 2, all.questions / 2 + 1, all.questions - 2, all.questions - 1]
+        {
+            let mut control = EndsInMeasure::after(after);
+            let made = lod_with(&mesh, &options, &mut control).unwrap();
+            // Not one more question for each level than it takes to know that it is over.
+            assert!(control.questions <= after + 3, "{} after {after}", control.questions);
+            assert!(made.levels.len() == 2 || !is_chained);
+            let (mut is_measured, mut are_unknown) = (true, 0);
+            for (level, whole) in made.levels.iter().zip(&whole.levels) {
+                assert!(level.mesh == whole.mesh || level.report.stopped_by == StoppedBy::Caller);
+                let error = &level.report.error;
+                if error.is_incomplete {
+                    assert!(error.measured.is_none() && error_of(&level.report).is_none());
+                    (is_measured, are_unknown) = (false, are_unknown + 1);
+                } else {
+                    assert!(is_measured && level == whole);
+                }
+            }
+            assert!(are_unknown > 0, "{after}");
+        }
+    }
 }
 
 #[test]

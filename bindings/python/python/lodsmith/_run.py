@@ -94,13 +94,14 @@ class Level(Result):
 
     Attributes
     ----------
-    distance : float
-        Distance from the camera from which on the level is accurate enough, in the units of the mesh.
+    distance : float or None
+        Distance from the camera from which on the level is accurate enough, in the units of the mesh; None if
+        ``time_limit`` left no time to measure the level.
     geomorph : array, shape (n, 3), or None
         The position of each vertex on the next coarser level, if requested.
     """
 
-    distance: float
+    distance: Optional[float]
     geomorph: Optional[np.ndarray]
 
 

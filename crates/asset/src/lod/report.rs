@@ -77,10 +77,13 @@ impl LodOutcome {
         });
         let others = self.levels.iter().enumerate().map(|(k, level)| {
             let r: &Report = &level.report;
-            let rms = r.error.measured.as_ref().map_or(r.error.estimate, |m| m.rms.symmetric);
+            // Without an error, there is no RMS distance that was measured either.
+            let error = error_of(r);
+            let rms = error.map(|_| r.error.measured.as_ref().map_or(r.error.estimate, |m| m.rms.symmetric));
             json!({
                 "level": k + 1, "file": file(k + 1), "faces": r.faces, "vertices": r.vertices,
-                "error": error_of(r) * scale, "rms": rms * scale, "distance": level.distance,
+                "error": error.map(|error| error * scale), "rms": rms.map(|rms| rms * scale),
+                "distance": level.distance,
             })
         });
         json!({

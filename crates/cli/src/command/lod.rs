@@ -43,11 +43,14 @@ fn lines(done: &LodOutcome, path: &str) -> Vec<String> {
             None => format!("rms {} %", share(r.error.estimate)),
             Some(m) => format!("rms {} %, max {} %", share(m.rms.symmetric), share(m.hausdorff.symmetric)),
         };
+        let from = level.distance.map_or_else(
+            || "not measured".to_owned(),
+            |distance| format!("for distances from {}", short(distance)),
+        );
         lines.push(format!(
-            "  {}: {} faces ({percent:.1} %), {error} of the diagonal, for distances from {}",
+            "  {}: {} faces ({percent:.1} %), {error} of the diagonal, {from}",
             k + 1,
-            grouped(r.faces),
-            short(level.distance)
+            grouped(r.faces)
         ));
     }
     lines

@@ -4,7 +4,10 @@ use std::ops::Range;
 
 /// Queries per chunk. Long enough to amortize the first query, which has no hint; short enough to balance the
 /// load.
-const CHUNK_LENGTH: usize = 2048;
+pub(crate) const CHUNK_LENGTH: usize = 2048;
+/// Chunks for each thread between two questions whether to end. (Guessed: a chunk takes a few thousandths of a second,
+/// and threads seldom wait for the last of so many.)
+const CHUNKS_PER_QUESTION: usize = 8;
 
 /// Calls `work` for each chunk of `0..count`; returns the results in the order of the chunks.
 pub fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
@@ -22,6 +25,30 @@ pub(crate) fn map_by<T: Send>(size: usize, count: usize, work: impl Fn(Range<usi
     }
     #[cfg(not(feature = "rayon"))]
     pieces.map(piece).collect()
+}
+
+/// Calls `work` like [`map_by`], and before every few chunks asks on this thread whether to end: `None` once `is_over` has
+/// returned true.
+pub(crate) fn map_until<T: Send>(
+    size: usize,
+    count: usize,
+    is_over: &mut dyn FnMut() -> bool,
+    work: impl Fn(Range<usize>) -> T + Sync,
+) -> Option<Vec<T>> {
+    #[cfg(feature = "rayon")]
+    let threads = rayon::current_num_threads();
+    #[cfg(not(feature = "rayon"))]
+    let threads = 1;
+    let step = size * CHUNKS_PER_QUESTION * threads;
+    let mut all = Vec::new();
+    for first in (0..count).step_by(step) {
+        if is_over() {
+            return None;
+        }
+        let length = step.min(count - first);
+        all.append(&mut map_by(size, length, |range| work(first + range.start..first + range.end)));
+    }
+    Some(all)
 }
 
 /// Returns the mean of numbers; 0 if there are none. Summed by chunks, so that millions of small terms keep

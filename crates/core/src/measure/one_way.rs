@@ -41,22 +41,19 @@ struct ChunkDistances {
 }
 
 impl OneWay {
-    /// Measures, or leaves out all chunks after `is_cancelled` has returned true.
+    /// Measures, or returns `None` once `is_over` has returned true.
     pub(super) fn measure(
         from: &Prepared,
         to: &Prepared,
         samples: usize,
         seed: u64,
-        is_cancelled: &(dyn Fn() -> bool + Sync),
-    ) -> Self {
+        is_over: &mut dyn FnMut() -> bool,
+    ) -> Option<Self> {
         let (source, target) = (from.tree(), to.tree());
         let into_target = |p: DVec3| source.frame().to(target.frame(), p);
         let nearest = |p: DVec3, hint: &mut Hint| target.closest_slot(into_target(p), f64::INFINITY, hint);
 
-        let parts = chunks::map(samples, |range| {
-            if is_cancelled() {
-                return ChunkDistances::default();
-            }
+        let parts = chunks::map_until(chunks::CHUNK_LENGTH, samples, is_over, |range| {
             let mut part =
                 ChunkDistances { distances: Vec::with_capacity(range.len()), ..ChunkDistances::default() };
             let mut hint = Hint::default();
@@ -74,17 +71,16 @@ impl OneWay {
                 ));
             }
             part
-        });
+        })?;
         let vertices = source.vertices();
-        let at_vertices = chunks::map(vertices.len(), |range| {
+        let at_vertices = chunks::map_until(chunks::CHUNK_LENGTH, vertices.len(), is_over, |range| {
             let mut hint = Hint::default();
             let far = |&point: &DVec3| {
                 let hit = nearest(point, &mut hint);
                 Place { point, distance: hit.map_or(f64::INFINITY, |hit| hit.distance_sq.sqrt()) }
             };
-            let range = if is_cancelled() { 0..0 } else { range };
             vertices[range].iter().map(far).reduce(Place::farther)
-        });
+        })?;
 
         let taken = parts.iter().map(|part| part.distances.len()).sum();
         let mut distances = Vec::with_capacity(taken);
@@ -106,7 +102,7 @@ impl OneWay {
         let rms = largest * chunks::mean(&distances).sqrt();
         let user = |length| target.frame().user_length(length);
         let farthest = source.frame().user_from_unit(point);
-        Self { max: user(max), mean: user(mean), rms: user(rms), p99: user(p99), angles_deg, farthest }
+        Some(Self { max: user(max), mean: user(mean), rms: user(rms), p99: user(p99), angles_deg, farthest })
     }
 }
 

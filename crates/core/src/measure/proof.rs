@@ -84,41 +84,40 @@ const MIN_CUT_FACE: f64 = 0.5;
 /// is some 1e-15 of the size of the surfaces. Cost: some steps of O(log n) for each face of either surface
 /// that is near the other; a `No` is mostly quick.
 pub fn prove_within(from: &Prepared, to: &Prepared, distance: f64) -> WithinResult {
-    let frame = to.tree().frame();
-    let limit = frame.unit_length(distance);
-    if limit.is_nan() || limit < 0.0 {
-        return WithinResult::Undecided;
-    }
-    let is_over = AtomicBool::new(false);
-    let limits = ProofLimits { limit, tolerance: None, is_over: &is_over };
-    let all = all_within(from, to, Everywhere, no_values, limits);
-    let (seen, bound) = (frame.user_length(all.seen), frame.user_length(all.bound));
-    match () {
-        () if all.seen > limit => WithinResult::No(seen.max(distance)),
-        () if all.bound <= limit => WithinResult::Yes(bound.min(distance)),
-        () => WithinResult::Undecided,
-    }
+    prove_within_until(from, to, distance, None, &mut || false).unwrap_or(WithinResult::Undecided)
 }
 
-/// Proves that every point of `from` lies within its own limit of `to`: a distance times the value of a map, which is
-/// that of the point itself, or of the point of `to` that is closest to it. Returns an upper bound of all distances, at
-/// most `distance`; `None` if that is not proven, because it is wrong or because the work limit is reached.
+/// Proves like [`prove_within`], until `is_over` returns true: then `None`. It is called often, on this thread.
 ///
-/// The distance is in the units of the positions. Deterministic at any number of threads. Cost: that of
-/// [`prove_within`]; where the map belongs to `to`, a few times as much.
-pub fn prove_within_map(from: &Prepared, to: &Prepared, distance: f64, map: MapSide<'_>) -> Option<f64> {
+/// With a map, each point has its own limit: the distance times the value of the map, which is that of the point itself,
+/// or of the point of `to` that is closest to it. A bound is of all distances; the distance of a `No` is a share of its
+/// limit then. Where the map belongs to `to`, this costs a few times as much.
+pub fn prove_within_until(
+    from: &Prepared,
+    to: &Prepared,
+    distance: f64,
+    map: Option<MapSide<'_>>,
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<WithinResult> {
     let frame = to.tree().frame();
     let limit = frame.unit_length(distance);
     if limit.is_nan() || limit < 0.0 {
-        return None;
+        return Some(WithinResult::Undecided);
     }
-    let is_over = AtomicBool::new(false);
-    let limits = ProofLimits { limit, tolerance: None, is_over: &is_over };
+    let is_found = AtomicBool::new(false);
+    let limits = ProofLimits { limit, tolerance: None, is_found: &is_found };
     let (seen, bound) = match map {
-        MapSide::From(map) => all_within(from, to, ByCorners, |slot| map.of_slot(slot), limits).bounds(),
-        MapSide::To(map) => all_within(from, to, ByFace(map), no_values, limits).bounds(),
+        None => all_within(from, to, Everywhere, no_values, limits, is_over)?.bounds(),
+        Some(MapSide::From(map)) => {
+            all_within(from, to, ByCorners, |slot| map.of_slot(slot), limits, is_over)?.bounds()
+        }
+        Some(MapSide::To(map)) => all_within(from, to, ByFace(map), no_values, limits, is_over)?.bounds(),
     };
-    (seen <= limit && bound <= limit).then(|| frame.user_length(bound).min(distance))
+    Some(match () {
+        () if seen > limit => WithinResult::No(frame.user_length(seen).max(distance)),
+        () if bound <= limit => WithinResult::Yes(frame.user_length(bound).min(distance)),
+        () => WithinResult::Undecided,
+    })
 }
 
 /// Computes an upper bound of the distance of `from` to `to`, to a relative `tolerance`.
@@ -128,19 +127,30 @@ pub fn prove_within_map(from: &Prepared, to: &Prepared, distance: f64, map: MapS
 /// `to`, unless the work limit is reached: then it is the best one so far. Deterministic; costs as much as
 /// [`prove_within`] with the distance that is found.
 pub fn bound_distance(from: &Prepared, to: &Prepared, seen: f64, tolerance: f64) -> DistanceBounds {
+    bound_distance_until(from, to, seen, tolerance, &mut || false).expect("it ends only if it is asked to")
+}
+
+/// Computes like [`bound_distance`], until `is_over` returns true: then `None`. It is called often, on this thread.
+pub fn bound_distance_until(
+    from: &Prepared,
+    to: &Prepared,
+    seen: f64,
+    tolerance: f64,
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<DistanceBounds> {
     let frame = to.tree().frame();
-    let seen = seen.max(farthest_vertex(from, to));
+    let seen = seen.max(farthest_vertex(from, to, is_over)?);
     let unit = frame.unit_length(seen);
     if !unit.is_finite() || unit >= 1e90 {
-        return DistanceBounds { seen, bound: f64::INFINITY };
+        return Some(DistanceBounds { seen, bound: f64::INFINITY });
     }
     let tolerance = tolerance.max(1e-9);
     let limit = (unit * (1.0 + tolerance)).max(ZERO_DISTANCE);
-    let is_over = AtomicBool::new(false);
-    let limits = ProofLimits { limit, tolerance: Some(tolerance), is_over: &is_over };
-    let all = all_within(from, to, Everywhere, no_values, limits);
+    let is_found = AtomicBool::new(false);
+    let limits = ProofLimits { limit, tolerance: Some(tolerance), is_found: &is_found };
+    let all = all_within(from, to, Everywhere, no_values, limits, is_over)?;
     let seen = seen.max(frame.user_length(all.seen));
-    DistanceBounds { seen, bound: frame.user_length(all.bound).max(seen) }
+    Some(DistanceBounds { seen, bound: frame.user_length(all.bound).max(seen) })
 }
 
 /// Barycentric coordinates of the points of a face that [`samples_within`] tests besides its corners: its
@@ -171,15 +181,18 @@ const MAX_FACES_FOR_MIDDLES: usize = 50_000;
 /// [`prove_within`] proves a distance, the result is true. Lengths are in the units of the positions. Cost:
 /// O(log n) per place.
 pub fn samples_within(from: &Prepared, to: &Prepared, distance: f64) -> bool {
-    samples_within_by(from, to, distance, None)
+    samples_within_until(from, to, distance, None, &mut || false).unwrap_or(false)
 }
 
-/// As [`samples_within`], with the limits of [`prove_within_map`].
-pub fn samples_within_map(from: &Prepared, to: &Prepared, distance: f64, map: MapSide<'_>) -> bool {
-    samples_within_by(from, to, distance, Some(map))
-}
-
-fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<MapSide<'_>>) -> bool {
+/// Tests like [`samples_within`], with the limits of [`prove_within_until`], until `is_over` returns true: then `None`. It is
+/// called often, on this thread.
+pub fn samples_within_until(
+    from: &Prepared,
+    to: &Prepared,
+    distance: f64,
+    map: Option<MapSide<'_>>,
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<bool> {
     let (source, target) = (from.tree(), to.tree());
     let limit = target.frame().unit_length(distance);
     let limit_sq = limit * limit;
@@ -217,7 +230,7 @@ fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<
     };
     let vertices = source.vertices();
     let slots = if matches!(map, Some(MapSide::From(_))) { source.slots_of_vertices() } else { Vec::new() };
-    chunks::map_by(FACES_PER_TASK, vertices.len(), |range| {
+    chunks::map_until(FACES_PER_TASK, vertices.len(), is_over, |range| {
         let mut near = 0;
         for i in range {
             let slot = slots.get(i).copied().unwrap_or(0);
@@ -225,13 +238,13 @@ fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<
                 return is_beyond.store(true, Ordering::Relaxed);
             }
         }
-    });
+    })?;
     let places = match source.face_count() {
         n if n > MAX_FACES_FOR_MIDDLES => &[],
         n if n > MAX_FACES_FOR_MIDDLES / 5 => &FACE_SAMPLES[..4],
         _ => &FACE_SAMPLES[..],
     };
-    chunks::map_by(FACES_PER_TASK, source.face_count(), |faces| {
+    chunks::map_until(FACES_PER_TASK, source.face_count(), is_over, |faces| {
         let mut near = 0;
         for slot in faces {
             let [a, b, c] = source.slot_corners(slot as u32);
@@ -242,23 +255,23 @@ fn samples_within_by(from: &Prepared, to: &Prepared, distance: f64, map: Option<
                 }
             }
         }
-    });
-    !is_beyond.into_inner()
+    })?;
+    Some(!is_beyond.into_inner())
 }
 
 /// Returns the largest distance of a vertex of `from`, in user units: a first guess.
-fn farthest_vertex(from: &Prepared, to: &Prepared) -> f64 {
+fn farthest_vertex(from: &Prepared, to: &Prepared, is_over: &mut dyn FnMut() -> bool) -> Option<f64> {
     let (source, target) = (from.tree(), to.tree());
     let vertices = source.vertices();
-    let parts = chunks::map(vertices.len(), |range| {
+    let parts = chunks::map_until(chunks::CHUNK_LENGTH, vertices.len(), is_over, |range| {
         let mut hint = Hint::default();
         let far = |p: &glam::DVec3| {
             let p = source.frame().to(target.frame(), *p);
             target.closest_slot(p, f64::INFINITY, &mut hint).map_or(f64::INFINITY, |hit| hit.distance_sq)
         };
         vertices[range].iter().map(far).fold(0.0, f64::max)
-    });
-    target.frame().user_length(parts.into_iter().fold(0.0, f64::max).sqrt())
+    })?;
+    Some(target.frame().user_length(parts.into_iter().fold(0.0, f64::max).sqrt()))
 }
 
 /// Limits for all pieces; lengths in the unit frame of the target surface.
@@ -268,7 +281,7 @@ struct ProofLimits<'a> {
     /// If set, a place beyond the limit raises the limit to its distance times one plus this. Else it ends
     /// the search.
     tolerance: Option<f64>,
-    is_over: &'a AtomicBool,
+    is_found: &'a AtomicBool,
 }
 
 /// Results for some pieces.
@@ -284,19 +297,20 @@ fn no_values(_slot: u32) -> [(); 3] {
     [(); 3]
 }
 
-/// `values` returns the values at the corners of a slot of `from`.
+/// `values` returns the values at the corners of a slot of `from`. Returns `None` once `is_over` has returned true.
 fn all_within<R: Rule>(
     from: &Prepared,
     to: &Prepared,
     rule: R,
     values: impl Fn(u32) -> [R::Value; 3] + Sync,
     mut limits: ProofLimits<'_>,
-) -> ProofState<R::Value> {
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<ProofState<R::Value>> {
     let (source, target) = (from.tree(), to.tree());
     let count = source.face_count();
     let max_steps = BASE_STEPS.saturating_add(MAX_STEPS_PER_FACE.saturating_mul(count + target.face_count()));
     let mut all = ProofState { seen: 0.0, bound: 0.0, steps: 0, left: Vec::new() };
-    let first = chunks::map_by(FACES_PER_TASK, count, |faces| {
+    let first = chunks::map_until(FACES_PER_TASK, count, is_over, |faces| {
         let mut search = PieceSearch::new(target, rule, limits);
         let mut hint = u32::MAX;
         for slot in faces {
@@ -305,15 +319,15 @@ fn all_within<R: Rule>(
             hint = search.run(STEPS_PER_TASK * (1 + slot % FACES_PER_TASK) / FACES_PER_TASK + 64);
         }
         search.found()
-    });
+    })?;
     all.add(first);
-    while !all.left.is_empty() && !limits.is_over.load(Ordering::Relaxed) {
+    while !all.left.is_empty() && !limits.is_found.load(Ordering::Relaxed) {
         if let Some(tolerance) = limits.tolerance {
             limits.limit = limits.limit.max(all.seen * (1.0 + tolerance));
         }
         let pieces = std::mem::take(&mut all.left);
         let is_last = all.steps > max_steps;
-        let parts = chunks::map_by(PIECES_PER_TASK, pieces.len(), |range| {
+        let parts = chunks::map_until(PIECES_PER_TASK, pieces.len(), is_over, |range| {
             let mut search = PieceSearch::new(target, rule, limits);
             if is_last {
                 pieces[range].iter().for_each(|piece| search.bound_piece(piece));
@@ -323,13 +337,13 @@ fn all_within<R: Rule>(
                 search.run(STEPS_PER_TASK);
             }
             search.found()
-        });
+        })?;
         all.add(parts);
     }
     if !all.left.is_empty() {
         all.bound = f64::INFINITY;
     }
-    all
+    Some(all)
 }
 
 impl<V> ProofState<V> {
@@ -372,7 +386,7 @@ impl<'a, T: Target, R: Rule> PieceSearch<'a, T, R> {
     /// Runs until no piece is left, or `steps` steps are taken in total. Returns the face that was nearest
     /// last.
     fn run(&mut self, steps: usize) -> u32 {
-        while self.steps < steps && !self.limits.is_over.load(Ordering::Relaxed) {
+        while self.steps < steps && !self.limits.is_found.load(Ordering::Relaxed) {
             let Some(piece) = self.pieces.pop() else { break };
             self.steps += 1;
             self.process_piece(piece);
@@ -458,7 +472,7 @@ impl<'a, T: Target, R: Rule> PieceSearch<'a, T, R> {
             let Some(hit) = to.closest(middle, &mut Hint::at(tried)) else {
                 // Too far away for the square to fit a double.
                 (self.seen, self.bound) = (f64::INFINITY, f64::INFINITY);
-                self.limits.is_over.store(true, Ordering::Relaxed);
+                self.limits.is_found.store(true, Ordering::Relaxed);
                 return;
             };
             (nearest_sq, slot) = (hit.distance_sq, hit.slot);
@@ -475,7 +489,7 @@ impl<'a, T: Target, R: Rule> PieceSearch<'a, T, R> {
                 None => {
                     // The root may have been rounded down.
                     self.seen = self.seen.max(self.limits.limit.next_up());
-                    return self.limits.is_over.store(true, Ordering::Relaxed);
+                    return self.limits.is_found.store(true, Ordering::Relaxed);
                 }
             }
         }

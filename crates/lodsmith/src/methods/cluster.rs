@@ -28,8 +28,8 @@ use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::constraints::HeldWedges;
-use crate::control::{Control, Stage, Verdict};
-use crate::deviation::{self, Deviation, InputComparer, ROUNDING};
+use crate::control::{Control, Stage, Verdict, has_time_for};
+use crate::deviation::{self, Deviation, InputComparer, Judgement, ROUNDING};
 use crate::input::Input;
 use crate::methods::transfer::transfer_to_bare_mesh;
 use crate::options::{BorderPolicy, Method, SimplifyOptions};
@@ -154,13 +154,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         let (made, deviation) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
             None => {
                 let made = self.reach_goal(control)?;
-                let comparer = if deviation::needs_measurement(self.options) {
-                    self.input_comparer(control)
-                } else {
-                    None
-                };
-                let deviation =
-                    comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&made.mesh, None));
+                let deviation = self.measured(&made.mesh, control)?;
                 (made, deviation)
             }
             Some(limit) => self.within(limit, control)?,
@@ -326,9 +320,13 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             control.stage(Stage::Collapse);
             let made = self.reach_goal(control)?;
             control.stage(Stage::Measure);
-            let kept = comparer.proven_within_mesh(&made.mesh, allowed);
-            if kept.is_some() || self.is_over {
-                let deviation = comparer.measure(&made.mesh, kept);
+            let judgement = comparer.proven_within_mesh(&made.mesh, allowed, control)?;
+            if judgement == Judgement::Unknown {
+                self.is_over = true;
+                return Ok((made, Deviation::unknown()));
+            }
+            if judgement.bound().is_some() || self.is_over {
+                let deviation = comparer.measure(&made.mesh, judgement.bound(), control)?;
                 return Ok((made, deviation));
             }
             coarsest = longest / made.cell;
@@ -352,8 +350,13 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             let made = self.made(&clusters, StoppedBy::Error)?;
             drop(clusters);
             control.stage(Stage::Measure);
-            let Some(bound) = comparer.proven_within_mesh(&made.mesh, allowed) else {
-                return Ok(LevelTest::Beyond);
+            let bound = match comparer.proven_within_mesh(&made.mesh, allowed, control)? {
+                Judgement::Within(bound) => bound,
+                Judgement::Unproven => return Ok(LevelTest::Beyond),
+                Judgement::Unknown => {
+                    self.is_over = true;
+                    return Ok(LevelTest::Over);
+                }
             };
             if best.as_ref().is_none_or(|b| level > b.0) {
                 best = Some((level, made, bound));
@@ -365,8 +368,22 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
             None => (self.untouched()?, None),
         };
         control.stage(Stage::Measure);
-        let deviation = comparer.measure(&made.mesh, known);
+        let deviation = comparer.measure(&made.mesh, known, control)?;
         Ok((made, deviation))
+    }
+
+    /// Measures a result, if more than the estimate is asked for.
+    fn measured(&self, mesh: &TriMesh, control: &mut dyn Control) -> Result<Deviation, SimplifyError> {
+        if !deviation::needs_measurement(self.options) {
+            return Ok(Deviation::default());
+        }
+        if !has_time_for(Stage::Measure, control)? {
+            return Ok(Deviation::unknown());
+        }
+        match self.input_comparer(control) {
+            Some(comparer) => comparer.measure(mesh, None, control),
+            None => Ok(Deviation::default()),
+        }
     }
 
     fn input_comparer(&self, control: &mut dyn Control) -> Option<InputComparer> {
@@ -423,6 +440,7 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
                 measured: deviation.measured,
                 farthest_part: None,
                 bound: deviation.bound,
+                is_incomplete: deviation.is_incomplete,
                 diagonal: self.diagonal,
             },
             refusals: Vec::new(),

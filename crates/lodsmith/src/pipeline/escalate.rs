@@ -59,6 +59,9 @@ impl Attempts {
     pub(crate) fn add(&mut self, change: Change, done: Done) {
         let (before, after) = (self.best.0.report.faces, done.0.report.faces);
         self.tried.push(Escalation { change, before, after });
+        if done.0.report.stopped_by == StoppedBy::Caller {
+            self.left = Vec::new().into_iter();
+        }
         let is_better = done.0.report.reached || after < before;
         if is_better {
             self.best = done;

@@ -12,7 +12,7 @@ use super::context::{Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::StopReason;
 use crate::collapse::bounded::Sampling;
-use crate::control::{Control, Stage};
+use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::Metric;
 use crate::deviation::InputComparer;
 use crate::options::shared::COLLAPSE_METHODS;
@@ -43,13 +43,14 @@ struct Plain<'a> {
 }
 
 impl Plain<'_> {
-    /// True if a result has a smaller largest distance than the plain run, and about the same others.
-    fn is_beaten_by(&self, outcome: &RunOutcome) -> bool {
-        let Some(made) = self.comparer.sampled(&outcome.mesh, SAMPLES) else { return false };
+    /// True if a result has a smaller largest distance than the plain run, and about the same others. False if the
+    /// caller ends the run before that is known.
+    fn is_beaten_by(&self, outcome: &RunOutcome, control: &mut dyn Control) -> Result<bool, SimplifyError> {
+        let Some(made) = self.comparer.sampled(&outcome.mesh, SAMPLES, control)? else { return Ok(false) };
         let is_near = |of: fn(&Comparison) -> f64| of(&made) <= MAX_MEAN_FACTOR * of(&self.distances);
-        made.hausdorff.symmetric < self.distances.hausdorff.symmetric
+        Ok(made.hausdorff.symmetric < self.distances.hausdorff.symmetric
             && is_near(|c| c.mean.symmetric)
-            && is_near(|c| c.rms.symmetric)
+            && is_near(|c| c.rms.symmetric))
     }
 }
 
@@ -63,7 +64,8 @@ impl Run<'_, '_> {
     }
 
     /// Returns a result with the same number of faces or vertices as that of a plain run and a smaller largest distance,
-    /// if there is one whose mean and RMS distances are about the same; otherwise the plain one.
+    /// if there is one whose mean and RMS distances are about the same; otherwise the plain one. If the caller ends the
+    /// run, the best so far.
     ///
     /// Cost: up to four runs of which each collapse is tested.
     pub(super) fn best<M: Metric>(
@@ -72,8 +74,11 @@ impl Run<'_, '_> {
         plain: RunOutcome,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
+        if !has_time_for(Stage::Measure, control)? {
+            return Ok(plain);
+        }
         let Some(comparer) = self.input_comparer(control) else { return Ok(plain) };
-        let Some(distances) = comparer.sampled(&plain.mesh, SAMPLES) else { return Ok(plain) };
+        let Some(distances) = comparer.sampled(&plain.mesh, SAMPLES, control)? else { return Ok(plain) };
         let before = Plain { comparer: &comparer, distances };
         self.fits = FITS;
         let mut found = None;
@@ -84,11 +89,12 @@ impl Run<'_, '_> {
         if found.is_none() {
             found = self.within_share(metric, SECOND_SHARE, &before, control)?;
         }
-        if found.is_none() && self.wants_fit(metric.cost_source()) {
+        if found.is_none() && self.wants_fit(metric.cost_source()) && has_time_for(Stage::Prepare, control)? {
             let fitted = self.run_pass(self.goal, control)?;
             control.stage(Stage::Measure);
-            found =
-                Some(fitted).filter(|fitted| fitted.end == StopReason::Goal && before.is_beaten_by(fitted));
+            if fitted.end == StopReason::Goal && before.is_beaten_by(&fitted, control)? {
+                found = Some(fitted);
+            }
         }
         Ok(found.unwrap_or(plain))
     }
@@ -102,6 +108,9 @@ impl Run<'_, '_> {
         plain: &Plain<'_>,
         control: &mut dyn Control,
     ) -> Result<Option<RunOutcome>, SimplifyError> {
+        if !has_time_for(Stage::Prepare, control)? {
+            return Ok(None);
+        }
         let limit = share * plain.distances.hausdorff.symmetric;
         let (mut trunk, is_over) = self.start_within(metric, limit, plain.comparer, control)?;
         if is_over {
@@ -120,6 +129,6 @@ impl Run<'_, '_> {
         }
         let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
         control.stage(Stage::Measure);
-        Ok(Some(outcome).filter(|outcome| plain.is_beaten_by(outcome)))
+        Ok(if plain.is_beaten_by(&outcome, control)? { Some(outcome) } else { None })
     }
 }

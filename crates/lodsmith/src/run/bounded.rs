@@ -19,7 +19,7 @@ use crate::collapse::bounded::{Bounded, Sampling};
 use crate::collapse::{Engine, Goal, Pause, StopReason};
 use crate::control::{Control, Stage};
 use crate::cost::metric::Metric;
-use crate::deviation::{InputComparer, PreparedResult};
+use crate::deviation::{Deviation, InputComparer, Judgement, PreparedResult};
 use crate::options::TopologyPolicy;
 use crate::report::Refusal;
 
@@ -37,7 +37,7 @@ const LIMIT_SHARES: [f64; 6] = [0.999, 0.999, 0.999, 0.999, 0.995, 0.99];
 
 impl Run<'_, '_> {
     /// Returns the result of collapses that are each tested against the limit; `None` if no result is proven to be
-    /// within it.
+    /// within it. If the caller ends the run before a result is proven, it has no bound.
     pub(super) fn run_bounded<M: Metric>(
         &mut self,
         metric: M,
@@ -63,7 +63,7 @@ impl Run<'_, '_> {
             let outcome = self.finish(&mut branch.engine, &branch.root, end, false, control)?;
             control.stage(Stage::Measure);
             let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
-            let found = proven(outcome, &made, limit, comparer);
+            let found = proven(outcome, &made, limit, comparer, control)?;
             if found.is_some() {
                 return Ok(found);
             }
@@ -81,7 +81,8 @@ impl Run<'_, '_> {
         let mut outcome = self.finish(&mut trunk.engine, &trunk.root, StopReason::Finish, false, control)?;
         outcome.end = StopReason::Finish;
         control.stage(Stage::Measure);
-        Ok(PreparedResult::new(&outcome.mesh).and_then(|made| proven(outcome, &made, limit, comparer)))
+        let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
+        proven(outcome, &made, limit, comparer, control)
     }
 
     /// Sweeps without a limit as far as samples stay well within it. Also returns true if the caller ends the run.
@@ -124,8 +125,11 @@ impl Run<'_, '_> {
                 }
                 trunk.engine.mesh.store.compact();
                 control.stage(Stage::Measure);
-                let made = self.prepared(&trunk.engine);
-                if !made.is_some_and(|made| comparer.passes_spot_check(&made, START_SHARE * limit)) {
+                let is_near = match self.prepared(&trunk.engine) {
+                    Some(made) => comparer.passes_spot_check(&made, START_SHARE * limit, control)?,
+                    None => false,
+                };
+                if !is_near {
                     trunk.engine = before;
                     break;
                 }
@@ -133,12 +137,15 @@ impl Run<'_, '_> {
             }
             trunk.engine.mesh.store.compact();
             // (A place that is beyond the limit already stays so.)
-            let is_within = levels == 0
-                || self
-                    .prepared(&trunk.engine)
-                    .is_some_and(|made| comparer.proven_within(&made, LIMIT_SHARES[0] * limit).is_some());
-            if is_within {
+            if levels == 0 {
                 return Ok((trunk, false));
+            }
+            if let Some(made) = self.prepared(&trunk.engine) {
+                match comparer.proven_within(&made, LIMIT_SHARES[0] * limit, control)? {
+                    Judgement::Within(_) => return Ok((trunk, false)),
+                    Judgement::Unknown => return Ok((trunk, true)),
+                    Judgement::Unproven => {}
+                }
             }
             most_levels = levels - 1;
         }
@@ -184,19 +191,28 @@ impl Run<'_, '_> {
     }
 }
 
-/// Returns a finished run if its result is proven to be within the limit.
+/// Returns a finished run if its result is proven to be within the limit, or if the caller ends the run before that is
+/// known; then it has no bound.
 fn proven(
     mut outcome: RunOutcome,
     made: &PreparedResult,
     limit: f64,
     comparer: &InputComparer,
-) -> Option<Finished> {
-    let bound = comparer.proven_within(made, limit)?;
-    let deviation = comparer.measure_prepared(made, Some(bound));
+    control: &mut dyn Control,
+) -> Result<Option<Finished>, SimplifyError> {
+    let bound = match comparer.proven_within(made, limit, control)? {
+        Judgement::Within(bound) => bound,
+        Judgement::Unproven => return Ok(None),
+        Judgement::Unknown => {
+            outcome.end = StopReason::Finish;
+            return Ok(Some((outcome, Deviation::unknown(), false)));
+        }
+    };
+    let deviation = comparer.measure_prepared(made, Some(bound), control)?;
     // Without a refusal by the limit, it was not what ended the run.
     let by_error = outcome.tally.has_refused(Refusal::ErrorLimit);
     if !by_error && outcome.end == StopReason::Exhausted && outcome.tally.refused() > 0 {
         outcome.end = StopReason::Stuck;
     }
-    Some((outcome, deviation, by_error))
+    Ok(Some((outcome, deviation, by_error)))
 }

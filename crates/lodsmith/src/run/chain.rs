@@ -26,7 +26,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::Constraints;
-use crate::control::{Control, ProgressShare, Stage};
+use crate::control::{Control, ProgressShare, Stage, has_time_for};
 use crate::cost::metric::{Metric, with_metric};
 use crate::deviation::{self, Deviation};
 use crate::input::Input;
@@ -71,11 +71,7 @@ pub(crate) fn chain(
     let passes = passes_of(options.method.kind()).expect("only methods with sweeps get here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let comparer = if deviation::needs_measurement(options) { run.input_comparer(control) } else { None };
-    let measure = |outcome: &RunOutcome| {
-        comparer.as_ref().map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None))
-    };
-    let deviations: Vec<Deviation> = outcomes.iter().map(|(outcome, _)| measure(outcome)).collect();
+    let deviations = run.measured_levels(&outcomes, control)?;
     let finished = outcomes.into_iter().zip(deviations).zip(&of_levels);
     let all = finished.map(|((outcome, deviation), own)| {
         build_report(input, own, &in_order, &constraints, (outcome.0, deviation, false))
@@ -113,7 +109,7 @@ impl Run<'_, '_> {
                     other = self.level(metric, &mut second, (i, goals), own, control)?;
                 }
                 if outcome.tally.parts_removed > 0
-                    || self.closest_index(&[&outcome, &other], None, control) == 1
+                    || self.closest_index(&[&outcome, &other], None, control)? == 1
                 {
                     (trunk, allowed, outcome) = (second, own, other);
                     number += 1;
@@ -196,6 +192,28 @@ impl Run<'_, '_> {
             self.finish(&mut engine, &grown.root, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);
         Ok(outcome)
+    }
+
+    /// Measures all levels, if more than their estimates are asked for.
+    fn measured_levels(
+        &self,
+        outcomes: &[(RunOutcome, usize)],
+        control: &mut dyn Control,
+    ) -> Result<Vec<Deviation>, SimplifyError> {
+        if !deviation::needs_measurement(self.options) {
+            return Ok(vec![Deviation::default(); outcomes.len()]);
+        }
+        if !has_time_for(Stage::Measure, control)? {
+            return Ok(vec![Deviation::unknown(); outcomes.len()]);
+        }
+        let comparer = self.input_comparer(control);
+        let measure = |(i, (outcome, _)): (usize, &(RunOutcome, usize))| match &comparer {
+            Some(comparer) => {
+                comparer.measure(&outcome.mesh, None, &mut ProgressShare::of(control, i, outcomes.len()))
+            }
+            None => Ok(Deviation::default()),
+        };
+        outcomes.iter().enumerate().map(measure).collect()
     }
 
     /// Returns the vertices of the next level that the vertices of each level were merged into.

@@ -5,8 +5,9 @@
 //! results are measured. Only this module chooses between results of one run.
 
 use super::context::{Run, RunOutcome};
+use crate::SimplifyError;
 use crate::collapse::StopReason;
-use crate::control::Control;
+use crate::control::{Control, Stage, has_time_for};
 
 /// Samples in each direction. (The RMS of a result is then known to a few percent; if candidates differ by
 /// less, either is fine.)
@@ -42,44 +43,53 @@ impl Run<'_, '_> {
         mut outcomes: Vec<RunOutcome>,
         asked: Option<usize>,
         control: &mut dyn Control,
-    ) -> RunOutcome {
-        let best = self.closest_index(&outcomes.iter().collect::<Vec<_>>(), asked, control);
+    ) -> Result<RunOutcome, SimplifyError> {
+        let best = self.closest_index(&outcomes.iter().collect::<Vec<_>>(), asked, control)?;
         let mut chosen = outcomes.swap_remove(best);
         if chosen.end == StopReason::Stuck && chosen.proposals.is_empty() {
             let others = outcomes.into_iter().map(|outcome| outcome.proposals);
             chosen.proposals = others.max_by_key(Vec::len).unwrap_or_default();
         }
-        chosen
+        Ok(chosen)
     }
 
     /// Returns the index of the best of the outcomes (at least one). Outcomes that reach the target are
     /// preferred: among these, the one with the smallest two-way RMS distance to the input; if none reaches
     /// it, the lightest; the first among equals. The outcome `asked` for by an option is favoured, otherwise
-    /// outcomes that keep everything. Cost: a tree of the input, and of each measured outcome.
+    /// outcomes that keep everything; one of these is the best if the caller ends the run. Cost: a tree of the input, and of each measured outcome.
     pub(super) fn closest_index(
         &self,
         outcomes: &[&RunOutcome],
         asked: Option<usize>,
         control: &mut dyn Control,
-    ) -> usize {
+    ) -> Result<usize, SimplifyError> {
         let meets = |i: &usize| outcomes[*i].end == StopReason::Goal;
         let met: Vec<usize> = (0..outcomes.len()).filter(meets).collect();
         if met.len() <= 1 {
             let lightest = || (0..outcomes.len()).min_by_key(|&i| outcomes[i].mesh.face_count());
-            return met.first().copied().or_else(lightest).unwrap_or(0);
+            return Ok(met.first().copied().or_else(lightest).unwrap_or(0));
         }
-        let Some(comparer) = self.input_comparer(control) else { return met[0] };
-        let error = |i: usize| {
-            let is_favoured = asked.map_or_else(|| outcomes[i].keeps_all(), |asked| i == asked);
-            let favour = match is_favoured {
+        let is_favoured = |i: usize| asked.map_or_else(|| outcomes[i].keeps_all(), |asked| i == asked);
+        let favourite = met.iter().copied().find(|&i| is_favoured(i)).unwrap_or(met[0]);
+        if !has_time_for(Stage::Measure, control)? {
+            return Ok(favourite);
+        }
+        let Some(comparer) = self.input_comparer(control) else { return Ok(met[0]) };
+        let mut best = (f64::INFINITY, met[0]);
+        for &i in &met {
+            let favour = match is_favoured(i) {
                 true if outcomes[i].is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
                 true => PRODUCTIVE_RESULT_FACTOR,
                 false => 1.0,
             };
-            comparer.rms(&outcomes[i].mesh, COMPARISON_SAMPLES) / favour
-        };
-        let errors = met.iter().map(|&i| (i, error(i)));
-        errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(met[0], |best| best.0)
+            let Some(rms) = comparer.rms(&outcomes[i].mesh, COMPARISON_SAMPLES, control)? else {
+                return Ok(favourite);
+            };
+            if rms / favour < best.0 {
+                best = (rms / favour, i);
+            }
+        }
+        Ok(best.1)
     }
 
     /// Chooses between the lightest result of a run whose target is out of reach, and a slightly heavier
@@ -89,15 +99,18 @@ impl Run<'_, '_> {
         lightest: RunOutcome,
         heavier: RunOutcome,
         control: &mut dyn Control,
-    ) -> RunOutcome {
-        let Some(comparer) = self.input_comparer(control).filter(|_| heavier.end == StopReason::Goal) else {
-            return lightest;
-        };
-        let [far, near] = [&lightest, &heavier].map(|way| comparer.rms(&way.mesh, COMPARISON_SAMPLES));
-        if far > UNREACHABLE_FACTOR * near {
+    ) -> Result<RunOutcome, SimplifyError> {
+        if heavier.end != StopReason::Goal || !has_time_for(Stage::Measure, control)? {
+            return Ok(lightest);
+        }
+        let Some(comparer) = self.input_comparer(control) else { return Ok(lightest) };
+        let mut rms = |outcome: &RunOutcome| comparer.rms(&outcome.mesh, COMPARISON_SAMPLES, control);
+        let (far, near) = (rms(&lightest)?, rms(&heavier)?);
+        let is_far = far.zip(near).is_some_and(|(far, near)| far > UNREACHABLE_FACTOR * near);
+        Ok(if is_far {
             RunOutcome { end: StopReason::Stuck, proposals: lightest.proposals, ..heavier }
         } else {
             lightest
-        }
+        })
     }
 }

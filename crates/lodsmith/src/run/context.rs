@@ -6,8 +6,8 @@ use super::goal::goal;
 use crate::collapse::order::Ordered;
 use crate::collapse::{Goal, StopReason, Tally};
 use crate::constraints::{Constraints, HeldWedges};
-use crate::control::{Control, Stage};
-use crate::deviation::{Deviation, InputComparer};
+use crate::control::{Control, Stage, has_time_for};
+use crate::deviation::{self, Deviation, InputComparer};
 use crate::input::Input;
 use crate::options::SimplifyOptions;
 use crate::proposal::Proposal;
@@ -109,6 +109,24 @@ impl Run<'_, '_> {
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         (self.pass)(self, goal, control)
+    }
+
+    /// Measures a result, if more than the estimate is asked for.
+    pub(super) fn measured(
+        &self,
+        mesh: &TriMesh,
+        control: &mut dyn Control,
+    ) -> Result<Deviation, SimplifyError> {
+        if !deviation::needs_measurement(self.options) {
+            return Ok(Deviation::default());
+        }
+        if !has_time_for(Stage::Measure, control)? {
+            return Ok(Deviation::unknown());
+        }
+        match self.input_comparer(control) {
+            Some(comparer) => comparer.measure(mesh, None, control),
+            None => Ok(Deviation::default()),
+        }
     }
 
     /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.

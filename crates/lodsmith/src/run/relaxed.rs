@@ -15,7 +15,7 @@ use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
 use crate::collapse::snapshot::Snapshot;
 use crate::collapse::{Goal, Pause, StopReason, Sweeps};
-use crate::control::{Control, Stage};
+use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::Metric;
 
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
@@ -34,13 +34,14 @@ impl Run<'_, '_> {
         let lightest = self.best_outcome(metric, goal, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
         let is_short = lightest.end == StopReason::Stuck && !lightest.keeps_all();
-        if !is_short || near <= lightest.mesh.face_count() + 1 {
+        let has_other = is_short && near > lightest.mesh.face_count() + 1;
+        if !has_other || !has_time_for(Stage::Prepare, control)? {
             return Ok(lightest);
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
         let other = self.best_outcome(metric, nearly, control)?;
-        Ok(self.choose_when_unreachable(lightest, other, control))
+        self.choose_when_unreachable(lightest, other, control)
     }
 
     /// Returns the best of the competing outcomes for a goal.
@@ -100,7 +101,7 @@ impl Run<'_, '_> {
             // If the two sides of a cut touch, another candidate is used.
             outcomes.extend(Some(third).filter(|third| !third.has_touching_vertices || outcomes.is_empty()));
         }
-        Ok(self.closest(outcomes, None, control))
+        self.closest(outcomes, None, control)
     }
 
     /// Runs a pass with the topology changes `allowed` in order of cost: from the snapshot, or from the

@@ -65,6 +65,7 @@ pub(super) fn build_report(
             measured: deviation.measured,
             farthest_part: None,
             bound: deviation.bound,
+            is_incomplete: deviation.is_incomplete,
             diagonal: ordered.diagonal,
         },
         refusals: Refusal::ALL.into_iter().zip(outcome.tally.refusals).filter(|r| r.1 > 0).collect(),

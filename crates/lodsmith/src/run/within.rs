@@ -4,9 +4,9 @@ use super::context::{Finished, Run, RunOutcome};
 use super::level_search::{LevelCounts, LevelTest};
 use crate::SimplifyError;
 use crate::collapse::{Goal, StopReason};
-use crate::control::{Control, Stage};
+use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::with_metric;
-use crate::deviation::{Deviation, InputComparer, PreparedResult, ROUNDING};
+use crate::deviation::{Deviation, InputComparer, Judgement, PreparedResult, ROUNDING};
 use crate::options::TopologyPolicy;
 
 /// Ratio of successive step limits of a method that is controlled by them.
@@ -29,7 +29,9 @@ impl Run<'_, '_> {
         limit: f64,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
-        let Some(comparer) = self.input_comparer(control) else { return self.unchanged_input(None, control) };
+        let Some(comparer) = self.input_comparer(control) else {
+            return self.unchanged_input(None, false, control);
+        };
         // Rounding of double precision alone can amount to this.
         let limit = limit + ROUNDING * self.ordered.diagonal;
         let bounded = with_metric!(self.options.method.kind(), METRIC => self.run_bounded(METRIC, limit, &comparer, control));
@@ -56,9 +58,11 @@ impl Run<'_, '_> {
             let (faces, vertices) = (outcome.mesh.face_count(), outcome.mesh.vertex_count());
             is_over = outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
-            if !PreparedResult::new(&outcome.mesh)
-                .is_some_and(|made| comparer.passes_spot_check(&made, limit))
-            {
+            let is_near = match PreparedResult::new(&outcome.mesh) {
+                Some(made) => comparer.passes_spot_check(&made, limit, control)?,
+                None => false,
+            };
+            if !is_near {
                 return Ok(if is_over { LevelTest::Over } else { LevelTest::Beyond });
             }
             if seemingly.len() == MAX_HELD_RESULTS {
@@ -74,7 +78,8 @@ impl Run<'_, '_> {
             })
         })?;
         level = seemingly.last().map_or(level, |last| last.0);
-        // From there towards heavier levels, the first that is proven to be within the limit.
+        // From there towards heavier levels, the first that is proven to be within the limit; or, if the caller ends the
+        // run before that is known, the first that seems to be.
         while level > 0 {
             let mut outcome = match seemingly.pop_if(|last| last.0 == level) {
                 Some((_, outcome)) => outcome,
@@ -82,20 +87,28 @@ impl Run<'_, '_> {
             };
             is_over |= outcome.end == StopReason::Finish;
             control.stage(Stage::Measure);
-            if let Some(made) = PreparedResult::new(&outcome.mesh)
-                && let Some(bound) = comparer.proven_within(&made, limit)
-            {
-                if is_over {
-                    outcome.end = StopReason::Finish;
+            if let Some(made) = PreparedResult::new(&outcome.mesh) {
+                match comparer.proven_within(&made, limit, control)? {
+                    Judgement::Within(bound) => {
+                        if is_over {
+                            outcome.end = StopReason::Finish;
+                        }
+                        let deviation = comparer.measure_prepared(&made, Some(bound), control)?;
+                        return Ok((outcome, deviation, true));
+                    }
+                    Judgement::Unknown => {
+                        outcome.end = StopReason::Finish;
+                        return Ok((outcome, Deviation::unknown(), false));
+                    }
+                    Judgement::Unproven => {}
                 }
-                return Ok((outcome, comparer.measure_prepared(&made, Some(bound)), true));
             }
             if is_over {
                 break;
             }
             level -= 1;
         }
-        self.unchanged_input(Some(&comparer), control)
+        self.unchanged_input(Some(&comparer), is_over, control)
     }
 
     /// True if a run that does not know the limit, and may remove parts and cut necks, is within it with clearly fewer
@@ -112,23 +125,35 @@ impl Run<'_, '_> {
             return Ok(false);
         }
         let goal = Goal { faces: Some(fewer), vertices: self.goal.vertices };
+        if !has_time_for(Stage::Prepare, control)? {
+            return Ok(false);
+        }
         let outcome = self.run_pass(goal, control)?;
         control.stage(Stage::Measure);
-        Ok(outcome.end == StopReason::Goal
-            && PreparedResult::new(&outcome.mesh)
-                .is_some_and(|made| comparer.passes_spot_check(&made, limit)))
+        match PreparedResult::new(&outcome.mesh).filter(|_| outcome.end == StopReason::Goal) {
+            Some(made) => comparer.passes_spot_check(&made, limit, control),
+            None => Ok(false),
+        }
     }
 
-    /// Returns the unchanged input: not even one collapse stays within the limit.
+    /// Returns the unchanged input: not even one collapse stays within the limit, or the run `is_over` before one is known
+    /// to.
     fn unchanged_input(
         &mut self,
         comparer: Option<&InputComparer>,
+        is_over: bool,
         control: &mut dyn Control,
     ) -> Result<Finished, SimplifyError> {
         let nothing = Goal { faces: Some(usize::MAX), vertices: None };
-        let outcome = self.run_pass(nothing, control)?;
-        let deviation =
-            comparer.map_or_else(Deviation::default, |comparer| comparer.measure(&outcome.mesh, None));
+        let mut outcome = self.run_pass(nothing, control)?;
+        if is_over {
+            outcome.end = StopReason::Finish;
+        }
+        control.stage(Stage::Measure);
+        let deviation = match comparer {
+            Some(comparer) => comparer.measure(&outcome.mesh, None, control)?,
+            None => Deviation::default(),
+        };
         Ok((outcome, deviation, true))
     }
 
@@ -151,13 +176,17 @@ impl Run<'_, '_> {
             let is_last = run == MAX_TOLERANCES;
             let step = if is_last { 0.0 } else { diagonal * libm::pow(TOLERANCE_FACTOR, power) };
             self.step = Some(step);
-            let outcome = self.run_pass(self.goal, control)?;
+            let mut outcome = self.run_pass(self.goal, control)?;
             control.stage(Stage::Measure);
-            let kept =
-                comparer.as_ref().and_then(|comparer| comparer.proven_within_mesh(&outcome.mesh, allowed));
+            let Some(comparer) = &comparer else { return Ok((outcome, Deviation::default(), false)) };
+            let judgement = comparer.proven_within_mesh(&outcome.mesh, allowed, control)?;
+            if judgement == Judgement::Unknown {
+                outcome.end = StopReason::Finish;
+                return Ok((outcome, Deviation::unknown(), false));
+            }
+            let kept = judgement.bound();
             if kept.is_some() || is_last || outcome.end == StopReason::Finish {
-                let measure = |comparer: &InputComparer| comparer.measure(&outcome.mesh, kept);
-                let deviation = comparer.as_ref().map_or_else(Deviation::default, measure);
+                let deviation = comparer.measure(&outcome.mesh, kept, control)?;
                 return Ok((outcome, deviation, kept.is_some()));
             }
             power += 1.0;

@@ -90,6 +90,7 @@ fn sum(runs: Vec<WeightedReport>, diagonal: f64) -> Option<Report> {
     report.error.estimate = squares.sqrt();
     report.error.measured = measured;
     report.error.farthest_part = farthest.map(|run| runs[run].part);
+    report.error.is_incomplete = runs.iter().any(|r| r.report.error.is_incomplete);
     report.error.bound = runs.iter().map(|r| r.report.error.bound).reduce(|a, b| Some(a?.max(b?))).flatten();
     report.error.diagonal = diagonal;
     let refused = |why: Refusal| {

@@ -1,6 +1,7 @@
 //! Threads, progress and cancellation, for all methods.
 
-use lodsmith::simplify_with;
+use lodsmith::core::measure::{CompareOptions, compare};
+use lodsmith::{Bound, Measure, simplify_with};
 
 use super::*;
 
@@ -149,11 +150,49 @@ fn a_search_for_an_error_can_be_ended() {
             all.add(&case, [format!("finished at report {}, it fails", from + 1)]);
             continue;
         };
-        let measured = done.report.error.measured.as_ref().map(|m| m.hausdorff.symmetric);
-        let limit = 0.005 * done.report.error.diagonal;
-        let is_within = measured.is_some_and(|d| d <= 1.0001 * limit);
-        let text = format!("finished at report {}: {measured:?} beyond {limit}", from + 1);
-        all.check(&case, is_within, &text);
+        let error = &done.report.error;
+        let limit = 0.005 * error.diagonal;
+        let text = format!("finished at report {}: {error:?} beyond {limit}", from + 1);
+        // Without time for a proof, the report says so.
+        let is_within = |bound: f64| bound <= 1.0001 * limit;
+        let is_unknown = error.is_incomplete && done.report.stopped_by == StoppedBy::Caller;
+        all.check(&case, error.bound.map_or(is_unknown, is_within), &text);
+        // (What is returned then has passed a test of samples.)
+        let found = compare(&mesh.surface(), &done.mesh.surface(), &CompareOptions::default());
+        all.check(&case, found.is_ok_and(|found| found.hausdorff.symmetric <= 1.1 * limit), &text);
+    }
+    all.report_all();
+}
+
+#[test]
+fn a_result_is_measured_wholly_or_not_at_all() {
+    let mut all = Complaints::default();
+    let mesh = shapes::blob(2, 2);
+    for promise in PROMISES.iter() {
+        let mut options = options(promise.method, Stop::ratio(0.3));
+        (options.measure, options.bound) = (Measure::Always, Bound::TwoSided);
+        let case = case("a blob", &options);
+        let mut watching = CheckingControl::new(usize::MAX, Verdict::Continue);
+        let Ok(whole) = simplify_with(&mesh, &options, &mut watching) else {
+            all.add(&case, ["fails".to_owned()]);
+            continue;
+        };
+        all.check(&case, !whole.report.error.is_incomplete, "incomplete without an end");
+        // At the last questions the result is measured and proven.
+        for before in [1, 2, 4, 7] {
+            let from = watching.questions.saturating_sub(before);
+            let case = format!("{case}, finished at report {} of {}", from + 1, watching.questions);
+            let mut control = CheckingControl::new(from, Verdict::Finish);
+            let Ok(done) = simplify_with(&mesh, &options, &mut control) else {
+                all.add(&case, ["fails".to_owned()]);
+                continue;
+            };
+            let (error, full) = (&done.report.error, &whole.report.error);
+            all.check(&case, error.is_incomplete, "complete after the end");
+            all.check(&case, error.bound.is_none(), "a bound that is not proven");
+            let is_known = error.measured.is_none() || error.measured == full.measured;
+            all.check(&case, is_known, "part of a measurement");
+        }
     }
     all.report_all();
 }

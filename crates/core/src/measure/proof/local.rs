@@ -100,8 +100,8 @@ fn is_proven<T: Target, R: Rule>(
     limit: f64,
     near: &mut u32,
 ) -> bool {
-    let is_over = AtomicBool::new(false);
-    let mut search = PieceSearch::new(to, rule, ProofLimits { limit, tolerance: None, is_over: &is_over });
+    let is_found = AtomicBool::new(false);
+    let mut search = PieceSearch::new(to, rule, ProofLimits { limit, tolerance: None, is_found: &is_found });
     search.pieces = std::mem::take(pieces);
     search.pieces.clear();
     search.pieces.push(Piece::of_face(face, values, *near));

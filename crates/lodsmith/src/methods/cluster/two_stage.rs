@@ -74,14 +74,16 @@ impl<P: ClusterPosition> ClusterRun<'_, P> {
         for stage in 1.. {
             options.stop.error = share.map(Length::Units);
             let (done, held) = run::run_by_collapses(&input, &options, control)?;
-            if comparer.is_some() {
-                control.stage(Stage::Measure);
-            }
-            let deviation = comparer
-                .as_ref()
-                .map_or_else(Deviation::default, |comparer| comparer.measure(&done.mesh, None));
+            let deviation = match &comparer {
+                Some(comparer) => {
+                    control.stage(Stage::Measure);
+                    comparer.measure(&done.mesh, None, control)?
+                }
+                None => Deviation::default(),
+            };
             let got = deviation.largest().unwrap_or(0.0);
-            let is_over = done.report.stopped_by == StoppedBy::Caller;
+            let is_unknown = limit.is_some() && deviation.is_incomplete;
+            let is_over = done.report.stopped_by == StoppedBy::Caller || is_unknown;
             if let (Some(limit), Some(own)) = (limit, &mut share)
                 && got > limit
                 && stage < MAX_SECOND_STAGES
