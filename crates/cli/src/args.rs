@@ -160,7 +160,7 @@ impl Command {
     }
 
     /// Returns the seconds after which the process ends, for commands without a partial result. (The other
-    /// commands return their best result so far.)
+    /// commands write their best result so far; for them the process ends only if reading takes longer.)
     pub(crate) fn hard_limit_secs(&self) -> Option<f64> {
         match self {
             Self::Simplify(_) | Self::Lod(_) | Self::Methods(_) => None,

@@ -22,9 +22,7 @@ use crate::{memory, memory_watch};
 
 /// Runs the command.
 pub(crate) fn run(cli: Cli) -> anyhow::Result<Status> {
-    if let Some(seconds) = cli.command.hard_limit_secs() {
-        exit::end_after(seconds)?;
-    }
+    let _alarm = cli.command.hard_limit_secs().map(exit::end_after).transpose()?;
     if let Some(limits) = cli.command.limits() {
         memory_watch::start(memory::set_limit(limits.max_memory))?;
     }

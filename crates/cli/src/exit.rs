@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
@@ -73,18 +74,25 @@ fn is_hangup_ignored() -> bool {
     ignored.is_some_and(|bits| bits & 1 << (signal_hook::consts::SIGHUP - 1) != 0)
 }
 
+/// Ends the process when its time is over, unless it is dropped before.
+pub(crate) struct Alarm {
+    _until_dropped: Sender<()>,
+}
+
 /// Ends the process with an error after this many seconds, whatever it is doing then: a file that is being
 /// written is completed or removed first, as with [`catch_interrupts`].
 ///
 /// # Errors
 /// If no thread can be started.
-pub(crate) fn end_after(seconds: f64) -> anyhow::Result<()> {
+pub(crate) fn end_after(seconds: f64) -> anyhow::Result<Alarm> {
+    let (_until_dropped, dropped) = channel();
     let wait = move || {
-        std::thread::sleep(Duration::from_secs_f64(seconds));
-        end_with(&format!("not done within the time limit of {seconds} s"));
+        if dropped.recv_timeout(Duration::from_secs_f64(seconds)) == Err(RecvTimeoutError::Timeout) {
+            end_with(&format!("not done within the time limit of {seconds} s"));
+        }
     };
     std::thread::Builder::new().spawn(wait).context("cannot start a thread")?;
-    Ok(())
+    Ok(Alarm { _until_dropped })
 }
 
 /// Ends the process with an error, whatever its other threads are doing: a file that is being written is

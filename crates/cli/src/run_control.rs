@@ -8,7 +8,7 @@ use std::path::Path;
 use lodsmith::{Control, SimplifyError, Stage, Verdict};
 use lodsmith_asset::{Step, Watch};
 
-use crate::exit;
+use crate::exit::{self, Alarm};
 use crate::in_order::Turn;
 use crate::progress::FileProgress;
 use crate::status::Interrupted;
@@ -27,14 +27,19 @@ pub(crate) struct BarWatch<'a> {
     stage: Stage,
     /// Position of the file among several.
     turn: Option<&'a Turn<'a>>,
+    /// Seconds that reading may take.
+    reading_limit: Option<f64>,
+    /// Ends the process while there is nothing to write.
+    alarm: Option<Alarm>,
 }
 
 impl<'a> BarWatch<'a> {
     pub(crate) fn new(bar: &'a FileProgress<'a>) -> Self {
-        Self { bar, stage: Stage::Prepare, turn: None }
+        Self { bar, stage: Stage::Prepare, turn: None, reading_limit: None, alarm: None }
     }
-    pub(crate) fn in_turn(bar: &'a FileProgress<'a>, turn: &'a Turn<'a>) -> Self {
-        Self { turn: Some(turn), ..Self::new(bar) }
+    /// Takes the position of the file, and the seconds that reading it may take.
+    pub(crate) fn in_turn(bar: &'a FileProgress<'a>, turn: &'a Turn<'a>, reading_limit: Option<f64>) -> Self {
+        Self { turn: Some(turn), reading_limit, ..Self::new(bar) }
     }
 }
 
@@ -51,8 +56,13 @@ impl Control for BarWatch<'_> {
 
 impl Watch for BarWatch<'_> {
     fn enter(&mut self, step: Step) {
+        self.alarm = None;
         match step {
-            Step::Read => self.bar.read(),
+            Step::Read => {
+                self.bar.read();
+                // (Without a thread for the alarm, the limit is kept from the next step on.)
+                self.alarm = self.reading_limit.and_then(|secs| exit::end_after(secs).ok());
+            }
             Step::Inspect => self.bar.stage(Stage::Measure),
             Step::Bake => self.bar.bake(),
             Step::Draw => self.bar.draw(),

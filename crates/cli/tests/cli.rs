@@ -748,7 +748,17 @@ fn an_interrupt_leaves_no_partial_files() {
 fn a_time_limit_ends_every_command() {
     let sandbox = CliSandbox::new();
     sandbox.put("a.ply", &hills(4));
-    for line in ["info -", "convert - b.ply", "clean - -o b.ply", "compare - a.ply", "render - -o b.png"] {
+    for line in [
+        "info -",
+        "convert - b.ply",
+        "clean - -o b.ply",
+        "compare - a.ply",
+        "render - -o b.png",
+        // (These have partial results, but not of a file that is still being read.)
+        "simplify - -o b.ply --ratio 0.5",
+        "lod - -o b.glb --count 2",
+        "methods - --ratio 0.5",
+    ] {
         let mut child = sandbox.start(&format!("{line} --time-limit 0.2"));
         // Waiting for the end would close the pipe.
         let _open = child.stdin.take();
@@ -784,6 +794,24 @@ fn levels_that_there_is_no_time_to_measure_have_no_distances() {
         assert_eq!(says_so, !is_known, "{level}");
     }
     assert!(Path::new(&sandbox.path("b.glb")).is_file());
+}
+
+/// Each method had the whole time.
+#[test]
+fn methods_share_the_time_limit() {
+    let sandbox = CliSandbox::new();
+    sandbox.put("a.ply", &hills(100));
+    let begin = Instant::now();
+    let line = "methods a.ply --ratio 0.1 --threads 1 --time-limit 1 --json";
+    let done = sandbox.run(line).with_status(0);
+    assert!(begin.elapsed().as_secs() < 20, "{:?}", begin.elapsed());
+    let report: Value = serde_json::from_slice(&done.stdout).unwrap();
+    let rows = report["methods"].as_array().unwrap();
+    assert!(rows.iter().any(|row| row["measured"].is_null()));
+    for row in rows {
+        let says_so = row["warnings"].to_string().contains("is not measured");
+        assert_eq!(row["measured"].is_null(), says_so, "{row}");
+    }
 }
 
 #[test]

@@ -133,19 +133,18 @@ impl Sweep {
     }
 
     fn call(&self, file: &Path, ratio: f64, method: Option<&str>) -> Result<Outcome> {
-        let (ratio, limit) = (ratio.to_string(), self.limits.seconds.to_string());
+        // (The methods share the time.)
+        let count = if method.is_some() { 1 } else { METHODS.len() };
+        let seconds = self.limits.seconds * count as f64;
+        let (ratio, limit) = (ratio.to_string(), seconds.to_string());
         let mut args: Vec<&OsStr> = vec!["methods".as_ref(), file.as_os_str()];
         let options =
             ["--json", "--threads", "1", "--samples", SAMPLES, "--ratio", &ratio, "--time-limit", &limit];
         args.extend(options.iter().map(OsStr::new));
-        let count = match method {
-            Some(method) => {
-                args.extend(["--method", method].map(OsStr::new));
-                1
-            }
-            None => METHODS.len(),
-        };
-        let limits = Limits { seconds: self.limits.seconds * count as f64, ..self.limits };
+        if let Some(method) = method {
+            args.extend(["--method", method].map(OsStr::new));
+        }
+        let limits = Limits { seconds, ..self.limits };
         call(&self.command, &args, limits)
     }
 }

@@ -38,7 +38,7 @@ pub(super) fn run(args: &JobArgs<'_>) -> anyhow::Result<Status> {
         }
         let name = file.source.to_string();
         let bar = progress.file(&name);
-        let mut watch = BarWatch::in_turn(&bar, turn);
+        let mut watch = BarWatch::in_turn(&bar, turn, args.options.time_limit);
         let outcome = exit::guarded(|| Ok(job.run(file, &mut job.begin(&mut watch))?));
         bar.end();
         outcome

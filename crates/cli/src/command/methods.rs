@@ -2,16 +2,17 @@
 
 use std::fs;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared};
+use lodsmith::core::measure::{CompareOptions, Comparison, Prepared, compare_prepared_until};
 use lodsmith::core::mesh::creases::Creases;
 use lodsmith::core::mesh::defects::clean_surface;
 use lodsmith::core::{Image, Surface, TriMesh};
-use lodsmith::{MethodKind, Report, Simplified, Stage};
+use lodsmith::{Control as _, MethodKind, Report, Simplified, Stage, Verdict};
 use lodsmith_asset::plan::{self, Outputs};
 use lodsmith_asset::report_json::measured_json;
-use lodsmith_asset::warnings::{refusals, texts};
+use lodsmith_asset::warnings::{not_measured, refusals, texts};
 use lodsmith_asset::{Destination, Job, Sink, StageClock, Step, memory_need, orient, paths, picture};
 use lodsmith_io::{Format, Loaded, Warning};
 use lodsmith_render::{Background, Camera, Panel, Subject, View, render, sheet};
@@ -24,7 +25,7 @@ use crate::in_order;
 use crate::memory;
 use crate::numbers::{grouped, micros, seconds, short};
 use crate::output::{self, Output};
-use crate::progress::{FileProgress, Progress};
+use crate::progress::Progress;
 use crate::run_control::{BarWatch, not_interrupted};
 use crate::status::{Interrupted, Status, usage};
 use crate::validity::Validity;
@@ -105,6 +106,9 @@ fn run_all(
     args: &MethodsArgs,
     progress: &Progress,
 ) -> anyhow::Result<MethodComparison> {
+    let mut time = TimeShares::new(args.run.limits.time_limit, jobs.len());
+    // As long as there is no result, the end of the time is an error.
+    let alarm = args.run.limits.time_limit.map(exit::end_after).transpose()?;
     let bar = progress.file(path);
     bar.read();
     let loaded = file::read(&args.input, &args.reading).with_context(|| path.to_owned())?;
@@ -116,8 +120,10 @@ fn run_all(
     let need = memory_need::methods(&mesh, largest_need, &compare);
     memory::check("methods", need).with_context(|| path.to_owned())?;
     let model = PreparedModel::new(Arc::unwrap_or_clone(mesh), compare);
+    drop(alarm);
     bar.end();
-    let mut rows = Vec::with_capacity(jobs.len());
+    let count = jobs.len();
+    let mut rows = Vec::with_capacity(count);
     let mut panels = Vec::new();
     let mut first = None;
     if args.sheet.is_some() {
@@ -130,9 +136,11 @@ fn run_all(
         }
         let bar = progress.file(method.name());
         let outcome = exit::guarded(|| {
-            let result = model.simplified(method, args, &bar)?;
-            bar.stage(Stage::Measure);
-            let mut figures = model.figures(&result);
+            let mut watch = BarWatch::new(&bar);
+            let mut job =
+                Job::new(&mut watch, time.next(), memory::limit()).with_grace(GRACE_SECS / count as f64);
+            let result = model.simplified(method, args, &mut job)?;
+            let mut figures = model.figures(&result, &mut job);
             if args.sheet.is_some() {
                 panels.push(render_panel(result.mesh.clone(), &mut first, figures.caption(method))?);
             }
@@ -140,7 +148,7 @@ fn run_all(
                 bar.write();
                 let mut mesh = result.mesh;
                 orient(&mut mesh, &to.writing);
-                figures.warnings = file::writer(|job| to.write(&mesh, regions.clone(), job))?.warnings;
+                figures.warnings.extend(file::writer(|job| to.write(&mesh, regions.clone(), job))?.warnings);
             }
             Ok(figures)
         });
@@ -153,6 +161,30 @@ fn run_all(
         rows.push(MethodRow { method, to, outcome });
     }
     Ok(MethodComparison { format, warnings, model, rows, panels })
+}
+
+/// Seconds after the time limit in which results are still measured, for all methods together.
+const GRACE_SECS: f64 = 1.0;
+
+/// The time limit, shared out among the methods.
+struct TimeShares {
+    end: Option<Instant>,
+    left: usize,
+}
+
+impl TimeShares {
+    fn new(limit: Option<f64>, methods: usize) -> Self {
+        let end = limit.and_then(|secs| Instant::now().checked_add(Duration::try_from_secs_f64(secs).ok()?));
+        Self { end, left: methods }
+    }
+
+    /// Returns the seconds of the next method: an equal share of what is left.
+    fn next(&mut self) -> Option<f64> {
+        let left = self.left.max(1);
+        self.left = left - 1;
+        let end = self.end?;
+        Some(end.saturating_duration_since(Instant::now()).as_secs_f64() / left as f64)
+    }
 }
 
 /// Size of one image in the contact sheet, in pixels.
@@ -211,7 +243,7 @@ struct MethodResult {
 struct MethodFigures {
     report: Report,
     clock: StageClock,
-    /// `None` if no face is left.
+    /// `None` if no face is left, or no time.
     measured: Option<Comparison>,
     validity: Validity,
     carried: CarriedAttributes,
@@ -242,28 +274,29 @@ impl PreparedModel {
         &self,
         method: MethodKind,
         args: &MethodsArgs,
-        bar: &FileProgress<'_>,
+        job: &mut Job<'_>,
     ) -> anyhow::Result<MethodResult> {
         let options = args.options(method);
-        let mut watch = BarWatch::new(bar);
-        let mut job = Job::new(&mut watch, args.run.limits.time_limit, memory::limit());
         job.enter(Step::Prepare);
-        let done = lodsmith::simplify_with(&self.mesh, &options, &mut job);
+        let done = lodsmith::simplify_with(&self.mesh, &options, job);
         let clock = job.times();
         let Simplified { mesh, report } = not_interrupted(done)?;
         Ok(MethodResult { mesh, report, clock })
     }
 
-    fn figures(&self, result: &MethodResult) -> MethodFigures {
+    fn figures(&self, result: &MethodResult, job: &mut Job<'_>) -> MethodFigures {
+        job.stage(Stage::Measure);
+        let mut is_over = || job.progress(0.0) != Verdict::Continue;
         let candidate = Prepared::new(&result.mesh.surface()).ok();
         let pair = self.reference.as_ref().zip(candidate.as_ref());
+        let measured = pair.map(|(a, b)| compare_prepared_until(a, b, &self.compare, &mut is_over));
         MethodFigures {
-            measured: pair.map(|(a, b)| compare_prepared(a, b, &self.compare)),
+            warnings: if measured == Some(None) { vec![not_measured()] } else { Vec::new() },
+            measured: measured.flatten(),
             validity: Validity::of(&result.mesh),
             carried: CarriedAttributes::new(&self.mesh, &result.mesh),
             report: result.report.clone(),
             clock: result.clock.clone(),
-            warnings: Vec::new(),
         }
     }
 }
