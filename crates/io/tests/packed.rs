@@ -349,3 +349,32 @@ fn json_stays_the_same_beside_geometry() {
     };
     assert_eq!(names(&json), names(&after));
 }
+
+/// Of several primitives with one list of positions, each gets its own vertices.
+#[test]
+fn bounds_are_those_of_the_vertices_that_stay() {
+    let mut pack = Pack::default();
+    let positions = pack.positions(&[[-9.0, -9.0, -9.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 3.0]]);
+    let indices = pack.indices(&[1, 2, 3]);
+    let primitive = json!({"attributes": {"POSITION": positions}, "indices": indices});
+    let json = pack.json(json!({
+        "meshes": [{"primitives": [primitive]}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0,
+    }));
+    for compression in Compression::ALL {
+        for quantize in [false, true] {
+            if compression == Compression::None && !quantize {
+                continue;
+            }
+            let (bytes, _) = packed(&glb(&json, &pack.bin), compression, quantize);
+            let accessors = split(&bytes).0["accessors"].clone();
+            let accessor = accessors.as_array().unwrap().iter().find(|a| a["type"] == "VEC3").unwrap();
+            let bounds = scene(&bytes).meshes()[0].mesh.positions().view().bounds().unwrap();
+            let title = format!("{compression:?}, {quantize}: {accessor}");
+            assert_eq!(accessor["count"], 3, "{title}");
+            for (name, bound) in [("min", bounds.min), ("max", bounds.max)] {
+                let declared = [0, 1, 2].map(|k| accessor[name][k].as_f64().unwrap());
+                assert_eq!(declared, bound, "{title}");
+            }
+        }
+    }
+}

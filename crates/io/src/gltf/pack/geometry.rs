@@ -174,7 +174,7 @@ fn index_stream(indices: &[u32], has_faces: bool) -> PackedStream {
     indices.iter().for_each(|i| bytes.extend_from_slice(&i.to_le_bytes()[..stride]));
     let kind = if has_faces { StreamKind::Triangles } else { StreamKind::Indices };
     let number = NumberType { component, normalized: false };
-    PackedStream { kind, number, width: 1, stride, bytes, filter: Filter::None, bounds: None }
+    PackedStream { kind, number, width: 1, stride, bytes, filter: Filter::None, has_bounds: false }
 }
 
 impl PackedGeometry {

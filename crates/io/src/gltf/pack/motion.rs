@@ -12,7 +12,7 @@ use super::super::meshopt::Filter;
 use super::nodes::References;
 use super::options::Packing;
 use super::quantize::{Rounding, unchanged};
-use super::streams::{Output, PackedStream, StreamKind, bounds};
+use super::streams::{Output, PackedStream, StreamKind};
 use crate::error::ReadError;
 
 /// Purpose of an accessor.
@@ -242,7 +242,13 @@ impl Tracks<'_, '_> {
 
 fn time_stream(time: f32) -> PackedStream {
     let bytes = time.to_le_bytes().to_vec();
-    let bounds = Some(bounds(&bytes, NumberType::FLOAT, 1, 4));
-    let kind = StreamKind::Other(Role::Times.name());
-    PackedStream { kind, number: NumberType::FLOAT, width: 1, stride: 4, bytes, filter: Filter::None, bounds }
+    PackedStream {
+        kind: StreamKind::Other(Role::Times.name()),
+        number: NumberType::FLOAT,
+        width: 1,
+        stride: 4,
+        bytes,
+        filter: Filter::None,
+        has_bounds: true,
+    }
 }

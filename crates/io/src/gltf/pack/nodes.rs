@@ -118,7 +118,7 @@ impl GridNodes<'_, '_> {
             stride: 64,
             bytes,
             filter: Filter::None,
-            bounds: None,
+            has_bounds: false,
         };
         let made = output.stream(accessor.map(|a| &self.source["accessors"][a]), &stream);
         json["skins"][own]["inverseBindMatrices"] = Value::Null;
@@ -171,7 +171,7 @@ impl GridNodes<'_, '_> {
                 stride: 12,
                 bytes,
                 filter: Filter::None,
-                bounds: None,
+                has_bounds: false,
             };
             let source = number(&attributes[name]).map(|a| &self.source["accessors"][a]);
             let made = output.stream(source, &stream);

@@ -5,7 +5,7 @@ use super::super::encode::NumberType;
 use super::super::meshopt::encode_filters::{color, exponential, multiples, octahedral, quaternion};
 use super::super::meshopt::{Filter, apply};
 use super::options::{Compression, QuantizationErrors};
-use super::streams::{PackedStream, StreamKind, bounds};
+use super::streams::{PackedStream, StreamKind};
 use crate::error::ReadError;
 
 /// Bits of positions, within the box of all meshes, and of other values: as in gltfpack, so that files can be
@@ -98,8 +98,7 @@ pub(super) fn unchanged(
     let (bytes, stride) = accessor.padded_bytes()?;
     let number = NumberType { component: accessor.kind, normalized: accessor.normalized };
     let width = accessor.width;
-    let bounds = has_bounds.then(|| bounds(&bytes, number, width, stride));
-    Ok(PackedStream { kind, number, width, stride, bytes, filter: Filter::None, bounds })
+    Ok(PackedStream { kind, number, width, stride, bytes, filter: Filter::None, has_bounds })
 }
 
 impl Rounding {
@@ -143,9 +142,8 @@ impl Rounding {
         };
         Ok(made.map(|mut stream| {
             stream.kind = kind.clone();
-            let PackedStream { number, width, stride, .. } = stream;
             // glTF requires bounds of positions.
-            stream.bounds = (name == "POSITION").then(|| bounds(&stream.bytes, number, width, stride));
+            stream.has_bounds = name == "POSITION";
             stream
         }))
     }
@@ -380,6 +378,6 @@ impl Rounding {
         bytes: Vec<u8>,
         filter: Filter,
     ) -> PackedStream {
-        PackedStream { kind: StreamKind::Other(""), number, width, stride, bytes, filter, bounds: None }
+        PackedStream { kind: StreamKind::Other(""), number, width, stride, bytes, filter, has_bounds: false }
     }
 }

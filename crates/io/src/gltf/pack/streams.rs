@@ -48,8 +48,8 @@ pub(super) struct PackedStream {
     /// Encoded by the filter, if there is one.
     pub(super) bytes: Vec<u8>,
     pub(super) filter: Filter,
-    /// Least and largest values of each component, if the accessor has them.
-    pub(super) bounds: Option<[Vec<Value>; 2]>,
+    /// Whether the accessor has the least and largest values of each component. Such a stream has no filter.
+    pub(super) has_bounds: bool,
 }
 
 impl PackedStream {
@@ -125,9 +125,10 @@ impl Output {
         object.insert("count".to_owned(), stream.count().into());
         let kind = if stream.width == 16 { "MAT4" } else { TYPE_NAMES[stream.width] };
         object.insert("type".to_owned(), kind.into());
-        if let Some([min, max]) = &stream.bounds {
-            object.insert("min".to_owned(), min.clone().into());
-            object.insert("max".to_owned(), max.clone().into());
+        if stream.has_bounds {
+            let [min, max] = bounds(stream);
+            object.insert("min".to_owned(), min.into());
+            object.insert("max".to_owned(), max.into());
         }
         // Without a view, all elements are zero.
         if is_zero {
@@ -316,12 +317,13 @@ fn put_list(json: &mut Value, name: &str, entries: Vec<Value>) {
     }
 }
 
-/// Returns the least and the largest values of each component of elements without a filter, as an accessor
-/// declares them.
-pub(super) fn bounds(bytes: &[u8], number: NumberType, width: usize, stride: usize) -> [Vec<Value>; 2] {
+/// Returns the least and the largest values of each component of a stream without a filter, as an accessor declares
+/// them.
+fn bounds(stream: &PackedStream) -> [Vec<Value>; 2] {
+    let number = stream.number;
     let size = number.component.size();
-    let mut found = vec![(f32::INFINITY, f32::NEG_INFINITY); width];
-    for element in bytes.chunks_exact(stride) {
+    let mut found = vec![(f32::INFINITY, f32::NEG_INFINITY); stream.width];
+    for element in stream.bytes.chunks_exact(stream.stride) {
         for ((min, max), bytes) in found.iter_mut().zip(element.chunks_exact(size)) {
             let x = number.component.number(bytes);
             if x.is_finite() {
