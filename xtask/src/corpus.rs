@@ -17,6 +17,7 @@
 mod consistency;
 mod errors;
 mod methods;
+mod references;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -334,6 +335,7 @@ impl Corpus {
                 break;
             }
         }
+        row.problems.extend(references::problems(file, out_folder.path())?);
         row.problems.dedup();
         Ok(())
     }

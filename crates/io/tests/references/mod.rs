@@ -3,6 +3,7 @@
 //! The tests do not know the table of the crate: each case says by name what its extension refers to.
 
 mod cases;
+mod dangling;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -16,8 +17,9 @@ use lodsmith_io::{Format, ReadOptions, Warning};
 use serde_json::{Value, json};
 
 use crate::levels::without_last_face;
-use crate::scenes::{PNG, Pack, glb, split};
+use crate::scenes::{PNG, Pack, everything, glb, split};
 use cases::Case;
+use dangling::{dangling, new_dangling};
 
 /// A job: its letter in [`Case::lost_in`], and what it makes of a scene.
 type Job = (char, fn(&mut Scene) -> (Vec<u8>, Vec<Warning>));
@@ -126,7 +128,7 @@ fn with_numbers(value: &Value, json: &Value) -> Value {
     };
     match value {
         Value::String(text) if text.starts_with(['@', '=']) => number(&text[1..]).into(),
-        Value::String(text) if text.starts_with('/') => {
+        Value::String(text) if text.contains("/@") => {
             let (list, rest) = text.split_once("/@").unwrap();
             let end = rest.match_indices('/').nth(1).map_or(rest.len(), |(at, _)| at);
             format!("{list}/{}{}", number(&rest[..end]), &rest[end..]).into()
@@ -302,6 +304,13 @@ fn references_in_extensions_name_the_same_or_are_counted_as_lost() {
                 continue;
             }
             let json = split(&bytes).0;
+            // Some cases refer to lists of other extensions, which they do not have.
+            let (before, after) = (dangling(&split(&file).0), dangling(&json));
+            assert!(
+                after.keys().all(|kind| before.contains_key(kind)),
+                "{} in {letter}: {after:?}",
+                case.name
+            );
             let (found, is_there) = found(&case, &json, &expected);
             let title = format!("{} in {letter}: {warnings:?} {json:#}", case.name);
             let is_lost = case.lost_in.contains(letter);
@@ -433,4 +442,116 @@ fn copies_of_nodes_refer_to_the_copies() {
         .collect();
     let expected: Vec<String> = all("tip").iter().map(|n| format!("/nodes/{n}/translation")).collect();
     assert_eq!((pointers.len(), pointers), (2, expected.iter().map(String::as_str).collect()));
+}
+
+/// Returns copies of a template, each with another reference to an element that does not exist.
+fn broken(template: &Value) -> Vec<Value> {
+    const NOWHERE: u64 = 1_000_000;
+    match template {
+        Value::String(text) if text.starts_with(['@', '=']) => vec![NOWHERE.into()],
+        Value::String(text) if text.starts_with('/') => {
+            vec![format!("/{}/{NOWHERE}/weights", text.split('/').nth(1).unwrap()).into()]
+        }
+        Value::Array(all) => {
+            let with = |i: usize, value: Value| {
+                let mut copy = all.clone();
+                copy[i] = value;
+                Value::from(copy)
+            };
+            all.iter().enumerate().flat_map(|(i, v)| broken(v).into_iter().map(move |b| with(i, b))).collect()
+        }
+        Value::Object(all) => {
+            let with = |key: &str, value: Value| {
+                let mut copy = all.clone();
+                copy[key] = value;
+                Value::from(copy)
+            };
+            all.iter().flat_map(|(k, v)| broken(v).into_iter().map(move |b| with(k, b))).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+#[test]
+fn a_reference_of_an_extension_to_nowhere_is_found() {
+    let mut count = 0;
+    // Nobody knows what those of ACME refer to.
+    for case in cases::all().iter().filter(|case| !case.name.starts_with("ACME_")) {
+        let whole = split(&file(case)).0;
+        for (at, content) in &case.parts {
+            for content in broken(content) {
+                let mut json = whole.clone();
+                let at = host(&json, at).unwrap();
+                let content = with_numbers(&content, &json);
+                json.pointer_mut(&at).unwrap()["extensions"][extension(case)] = content.clone();
+                assert_eq!(new_dangling(&json, Some(&whole)).len(), 1, "{}: {content}", case.name);
+                count += 1;
+            }
+        }
+    }
+    assert!(count > cases::all().len(), "{count}");
+}
+
+#[test]
+fn a_reference_of_the_core_to_nowhere_is_found() {
+    let (whole, _) = everything();
+    assert!(dangling(&whole).is_empty(), "{:?}", dangling(&whole));
+    for at in [
+        "/scene",
+        "/scenes/1/nodes/0",
+        "/nodes/0/mesh",
+        "/nodes/0/skin",
+        "/nodes/0/camera",
+        "/nodes/0/children",
+        "/skins/0/joints/0",
+        "/skins/0/skeleton",
+        "/skins/0/inverseBindMatrices",
+        "/meshes/0/primitives/0/attributes/POSITION",
+        "/meshes/0/primitives/0/targets/0/POSITION",
+        "/meshes/0/primitives/0/indices",
+        "/meshes/0/primitives/0/material",
+        "/accessors/0/bufferView",
+        "/accessors/0/sparse/values/bufferView",
+        "/bufferViews/0/buffer",
+        "/images/0/bufferView",
+        "/textures/0/source",
+        "/textures/0/sampler",
+        "/materials/0/emissiveTexture/index",
+        "/materials/0/pbrMetallicRoughness/baseColorTexture/index",
+        "/animations/0/channels/0/sampler",
+        "/animations/0/channels/0/target/node",
+        "/animations/0/samplers/0/output",
+    ] {
+        let mut json = whole.clone();
+        let mut value = &mut json;
+        for key in at.split('/').skip(1) {
+            value = match key.parse::<usize>() {
+                Ok(i) => &mut value[i],
+                Err(_) => &mut value[key],
+            };
+        }
+        *value = if at.ends_with("children") { json!([99]) } else { json!(99) };
+        assert_eq!(new_dangling(&json, Some(&whole)).len(), 1, "{at}: {json:#}");
+    }
+}
+
+#[test]
+fn a_pointer_may_end_at_a_property_with_its_default_value() {
+    let (json, _) = base();
+    for (pointer, is_dangling) in [
+        ("/nodes/1/translation", false),
+        ("/nodes/1/weights/0", false),
+        ("/nodes/2/weights/0", true),
+        ("/nodes/99/translation", true),
+        ("/materials/0/pbrMetallicRoughness/baseColorFactor", false),
+        ("/extensions/KHR_lights_punctual/lights/0/color", false),
+        ("/extensions/KHR_lights_punctual/lights/1/color", true),
+        ("/extensions/ACME_lamps/lamps/0/color", true),
+        ("nodes/1/translation", true),
+    ] {
+        let mut json = json.clone();
+        let target = &mut json["animations"][0]["channels"][0]["target"];
+        target["extensions"]["KHR_animation_pointer"]["pointer"] = pointer.into();
+        assert_eq!(dangling(&json).len(), usize::from(is_dangling), "{pointer}");
+    }
 }
