@@ -60,6 +60,16 @@ STRICT_EXCEPTIONS = [
         {"Invalid Element in namespace."},
         "lib3mf 2.5 does not know this element of the materials extension (docs/formats.md)",
     ),
+    (
+        'printable="0"',
+        {"Invalid Attribute in namespace."},
+        "an attribute of slicers, which lib3mf refuses in their files too (docs/formats.md)",
+    ),
+    (
+        " paint_",
+        {"Invalid Attribute in namespace."},
+        "attributes of slicers, which lib3mf refuses in their files too (docs/formats.md)",
+    ),
 ]
 
 #: Reads 3MF files with lib3mf; for each a line of JSON: an error or null, the warnings, and the number of items.
