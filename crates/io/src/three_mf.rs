@@ -18,6 +18,7 @@ mod properties;
 mod resources;
 mod settings;
 mod write;
+mod xml;
 
 use std::io::{self, Write};
 

@@ -342,7 +342,9 @@ fn sets_of_triangles_are_regions() {
     let expected = [
         r#"<t:trianglesets>"#,
         r#"<t:triangleset name="a &amp; b" identifier="x">"#,
-        r#"<t:refrange startindex="0" endindex="2"/>"#,
+        r#"<t:ref index="0"/>"#,
+        r#"<t:ref index="1"/>"#,
+        r#"<t:ref index="2"/>"#,
         r#"<t:triangleset name="c" identifier="y">"#,
         r#"<t:ref index="2"/>"#,
     ];
@@ -374,7 +376,10 @@ fn objects_of_one_number_lose_their_settings() {
         &[("3D/other.model", &other), (PRUSA, "<config/>"), ("Metadata/a.config", "b")],
     ));
     let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
-    assert_eq!(losses(&warnings), ["settings of objects name several objects by one number: left out"]);
+    assert_eq!(
+        losses(&warnings),
+        ["settings of objects name several objects by one number, or one by a very large number: left out"]
+    );
     assert_eq!((part(&bytes, PRUSA), part(&bytes, "Metadata/a.config").as_deref()), (None, Some("b")));
     assert_eq!(elements(&model_of(&bytes), "<object").len(), 2);
 }
@@ -382,7 +387,7 @@ fn objects_of_one_number_lose_their_settings() {
 #[test]
 fn paint_stays_on_its_triangle_beside_degenerate_ones() {
     let triangles = format!(
-        r#"<triangle v1="0" v2="0" v3="1" paint_color="4"/><triangle {} paint_color="441"/><triangle {} paint_color="4"/>"#,
+        r#"<triangle v1="0" v2="0" v3="1" paint_color="481"/><triangle {}/><triangle {} paint_color="441"/>"#,
         TRIANGLES[0], TRIANGLES[1]
     );
     let model = format!(
@@ -390,10 +395,8 @@ fn paint_stays_on_its_triangle_beside_degenerate_ones() {
     );
     let (bytes, _) = written(&scene_of(&package(&model, &[])), &[], Format::ThreeMf);
     let text = model_of(&bytes);
-    let expected = [
-        r#"<triangle v1="0" v2="2" v3="1" paint_color="441"/>"#,
-        r#"<triangle v1="0" v2="1" v3="3" paint_color="4"/>"#,
-    ];
+    let expected =
+        [r#"<triangle v1="0" v2="1" v3="3" paint_color="441"/>"#, r#"<triangle v1="0" v2="2" v3="1"/>"#];
     assert_eq!(elements(&text, "<triangle "), expected);
 }
 
@@ -416,4 +419,143 @@ fn a_volume_without_material_stays_without_one() {
         ]
     );
     assert_eq!(text.matches(r#" p1="1""#).count(), 4, "{text}");
+}
+
+/// BambuStudio writes one object for parts that share a mesh, and tells them apart by their order.
+#[test]
+fn parts_that_share_a_mesh_are_told_apart() {
+    let model = format!(
+        r#"<resources>{}<object id="5" type="model"><components><component objectid="1"/>
+<component objectid="1" transform="1 0 0 0 1 0 0 0 1 30 0 0"/></components></object></resources>
+<build><item objectid="5"/></build>"#,
+        object(1, r#"type="other""#, &[""; 4], "")
+    );
+    let config = r#"<config><object id="5"><part id="1" subtype="negative_part"/><part id="1" subtype="normal_part"/></object></config>"#;
+    let bytes = package(&model, &[(BAMBU, config)]);
+    let scene = scene_of(&bytes);
+    assert_eq!(scene.bounds().unwrap().min.map(f64::round), [0.0, 0.0, 0.0]);
+    let loaded = read_bytes(&bytes, &ReadOptions::default()).unwrap();
+    assert_eq!(loaded.mesh.face_count(), 4);
+    assert!(loaded.mesh.positions().view().iter().all(|p| p[0] >= 30.0), "the solid part");
+    let (again, _) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(part(&again, BAMBU).unwrap(), config);
+}
+
+#[test]
+fn nothing_names_objects_that_are_gone() {
+    let two = |second: &str| {
+        let model = format!(
+            r#"<resources>{}{}</resources><build><item objectid="1"/><item objectid="2"/></build>"#,
+            object(1, "", &[""; 4], ""),
+            object(2, "", &[""; 4], ""),
+        );
+        let config = format!(
+            r#"<config><object id="1"/>{second}<plate a='q"q'><metadata key="gcode_file" value="Metadata/a.gcode"/>
+<model_instance><metadata key="object_id" value="1"/></model_instance>
+<model_instance><metadata key="object_id" value="2"/></model_instance></plate>
+<assemble><assemble_item object_id="1"/><assemble_item object_id="2"/></assemble></config>"#
+        );
+        package(&model, &[(BAMBU, &config), ("Metadata/layer_heights_profile.txt", "object_id=2|0;1")])
+    };
+    let scene = scene_of(&two(r#"<object id="2"/>"#));
+    let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let config = part(&bytes, BAMBU).unwrap();
+    assert_eq!(config.matches("2\"").count(), 3, "{config}");
+    assert!(part(&bytes, "Metadata/layer_heights_profile.txt").is_some());
+    let mesh = &scene.meshes()[1].mesh;
+    let (bytes, warnings) = written(&scene, &[None, Some(first_faces(mesh, 0))], Format::ThreeMf);
+    let config = part(&bytes, BAMBU).unwrap();
+    assert_eq!(config.matches("\"2\"").count(), 0, "{config}");
+    assert_eq!(config.matches("model_instance>").count(), 2, "{config}");
+    assert!(config.contains("a='q\"q'") || config.contains("a=\"q&quot;q\""), "{config}");
+    assert!(config.contains(r#"key="gcode_file" value="""#), "{config}");
+    let text = "settings that count objects, such as Metadata/layer_heights_profile.txt, are left out: objects are gone";
+    assert!(losses(&warnings).contains(&text), "{warnings:?}");
+    assert_eq!(part(&bytes, "Metadata/layer_heights_profile.txt"), None);
+}
+
+#[test]
+fn ranges_in_another_order_fit_and_others_are_a_loss() {
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="7"/></build>"#,
+        object(7, "", &[""; 8], "")
+    );
+    let config = |first: [u32; 2], second: [u32; 2]| {
+        let volume = |[a, b]: [u32; 2], kind: &str| {
+            format!(
+                r#"<volume firstid="{a}" lastid="{b}"><metadata key="volume_type" value="{kind}"/></volume>"#
+            )
+        };
+        let volumes = volume(first, "NegativeVolume") + &volume(second, "ModelPart");
+        format!(r#"<config><object id="7">{volumes}</object></config>"#)
+    };
+    let scene = scene_of(&package(&model, &[(PRUSA, &config([4, 7], [0, 3]))]));
+    assert_eq!(losses(scene.warnings()), [""; 0]);
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(part(&bytes, PRUSA).unwrap(), config([0, 3], [4, 7]));
+    for (first, second) in [([0, 3], [3, 7]), ([0, 3], [5, 7]), ([0, 3], [4, 8])] {
+        let scene = scene_of(&package(&model, &[(PRUSA, &config(first, second))]));
+        let text = "ranges of parts of object 7 do not fit its triangles: it is one solid, without settings";
+        assert_eq!(losses(scene.warnings()), [text]);
+        let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+        assert_eq!(part(&bytes, PRUSA).unwrap(), "<config></config>");
+    }
+}
+
+#[test]
+fn damaged_settings_and_large_numbers_leave_no_wrong_settings() {
+    for (id, config) in [(7, "<config><object id=\"x\"/></config>"), (1 << 30, "<config/>")] {
+        let model = format!(
+            r#"<resources>{}</resources><build><item objectid="{id}"/></build>"#,
+            object(id, "", &[""; 4], "")
+        );
+        let scene = scene_of(&package(&model, &[(PRUSA, config)]));
+        let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
+        assert_eq!(losses(scene.warnings()).len() + losses(&warnings).len(), 1, "{warnings:?}");
+        assert_eq!(part(&bytes, PRUSA), None);
+    }
+}
+
+#[test]
+fn shapes_and_line_breaks_are_kept_and_metadata_of_objects_are_not_those_of_the_file() {
+    let group = r#"<metadatagroup><metadata name="Title">of the object</metadata></metadatagroup>"#;
+    let own = object(1, r#"name="a&#10;b""#, &[""; 4], "").replace("<mesh>", &format!("{group}<mesh>"));
+    let model = format!(
+        "<metadata name=\"Title\">one\ntwo</metadata><resources>{own}</resources><build><item objectid=\"1\"/></build>"
+    );
+    let scene = scene_of(&package(&model, &[("3D/star.svg", "<svg/>")]));
+    assert_eq!(losses(scene.warnings()), ["metadata of objects and items are not read: dropped"]);
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    let text = model_of(&bytes);
+    assert!(text.contains(r#"<metadata name="Title">one&#10;two</metadata>"#), "{text}");
+    assert!(text.contains(r#"name="a&#10;b""#), "{text}");
+    assert_eq!(part(&bytes, "3D/star.svg").as_deref(), Some("<svg/>"));
+}
+
+#[test]
+fn paint_of_parts_is_kept_on_equal_meshes() {
+    let scene = scene_of(&prusa());
+    let mesh = &scene.meshes()[0].mesh;
+    let (bytes, warnings) = written(&scene, &[Some(first_faces(mesh, 4))], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    assert!(model_of(&bytes).contains(r#"slic3rpe:custom_supports="441""#));
+}
+
+/// After a file that is too large the next ones had no limit.
+#[test]
+fn files_beside_the_model_have_a_limit_together() {
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/></build>"#,
+        object(1, "", &[""; 4], "")
+    );
+    let zeros = "0".repeat(70 << 20);
+    let scene = scene_of(&package(&model, &[("Metadata/a.txt", &zeros), ("Metadata/b.txt", "b")]));
+    let all = losses(scene.warnings());
+    assert!(
+        all.len() == 1 && all[0].starts_with("a file beside the model, and those after it, is left out"),
+        "{all:?}"
+    );
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!((part(&bytes, "Metadata/a.txt"), part(&bytes, "Metadata/b.txt")), (None, None));
 }

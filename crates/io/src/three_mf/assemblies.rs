@@ -139,6 +139,7 @@ impl Assemblies {
             new.places.extend(mesh.map(|mesh| (mesh, components.is_empty().then_some(*index))));
             let said = of_node(*index);
             let facts = ObjectFacts::new(said, is_project);
+            new.has_known_ids &= facts.id.is_some() || said["object"].is_null();
             let volume = |c: &ObjectPlace| match c.object {
                 ObjectRef::Mesh(mesh) if c.transform == DMat4::IDENTITY => Some((c.volume?, mesh)),
                 _ => None,
@@ -182,11 +183,11 @@ impl Assemblies {
         new
     }
 
-    /// Forgets the numbers of objects if two of them have the same one.
+    /// Forgets the numbers of objects if two of them have the same one, or one of them is too large.
     fn check_ids(&mut self) {
         let mut ids: Vec<u32> = self.ids().collect();
         ids.sort_unstable();
-        if ids.windows(2).any(|two| two[0] == two[1]) {
+        if !self.has_known_ids || ids.windows(2).any(|two| two[0] == two[1]) {
             self.has_known_ids = false;
             self.of_meshes
                 .values_mut()

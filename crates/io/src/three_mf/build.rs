@@ -1,17 +1,17 @@
 //! Construction of a scene from the parts of a file.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 use serde_json::{Value, json};
 
-use super::kept::OF_THREE_MF;
+use super::kept::{OF_THREE_MF, name_of};
 use super::marks::{ExactPaint, Marks};
 use super::model::parse;
-use super::package::{Package, name_of};
+use super::package::Package;
 use super::resources::{Group, Object, PaintOfTriangle, Part, PlacedObject, TriangleSet};
-use super::settings::Settings;
+use super::settings::{ObjectVolumes, Settings};
 use crate::attributes::{linear_colors, linear_of_srgb};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
@@ -42,6 +42,8 @@ const MAX_DEPTH: usize = 256;
 /// Number of bytes of XML that allow one more node.
 const BYTES_PER_NODE: usize = 16;
 
+const LOST_SETS: &str = "sets of triangles are too many, or name triangles that are not there: dropped";
+
 /// Numbers of parts by their names.
 type PartNumbers = HashMap<String, usize>;
 
@@ -68,6 +70,7 @@ pub(super) fn build(
         scene,
         settings,
         paint: BTreeMap::new(),
+        placed: BTreeSet::new(),
         package,
         parts,
         paths,
@@ -80,9 +83,12 @@ pub(super) fn build(
     let frame = Frame::new(builder.parts[0].unit(), true);
     let roots = builder.roots(coordinates)?;
     builder.warn();
-    let mut kept = builder.package.kept_contents(&mut |warning| builder.scene.warn(warning));
+    let mut kept = builder
+        .package
+        .kept_contents(builder.settings.is_damaged, &mut |warning| builder.scene.warn(warning));
     kept.namespaces.clone_from(&builder.parts[0].namespaces);
     kept.paint = builder.paint;
+    kept.objects = builder.placed;
     let mut built = builder.scene.finish(&roots);
     built.beside = Some(Arc::new(kept));
     Ok((built, frame))
@@ -114,6 +120,8 @@ struct ThreeMfScene<'a> {
     settings: Settings,
     /// See [`KeptContents::paint`](super::kept::KeptContents::paint).
     paint: BTreeMap<usize, Vec<ExactPaint>>,
+    /// Numbers of the placed objects of the first part.
+    placed: BTreeSet<u32>,
     package: Package<'a>,
     /// The parts; the first one has the build.
     parts: Vec<Arc<Part>>,
@@ -134,15 +142,17 @@ impl ThreeMfScene<'_> {
         let first = self.parts[0].clone();
         let mut roots = Vec::new();
         for item in &first.items {
-            roots.push(self.place(0, item)?);
+            roots.push(self.place(0, item, 0)?);
         }
         if first.items.is_empty() {
             let used: HashSet<u32> =
                 first.objects.values().flat_map(|o| &o.components).map(|c| c.object).collect();
             for &object in first.objects.keys().filter(|id| !used.contains(id)) {
-                roots.push(
-                    self.place(0, &PlacedObject { path: None, object, transform: None, is_printable: true })?,
-                );
+                roots.push(self.place(
+                    0,
+                    &PlacedObject { path: None, object, transform: None, is_printable: true },
+                    0,
+                )?);
             }
             if !roots.is_empty() {
                 self.scene.warn(Warning::note("the build has no items: all objects are placed"));
@@ -164,8 +174,9 @@ impl ThreeMfScene<'_> {
         Ok(vec![self.scene.add("nodes", root)])
     }
 
-    /// Adds a node for an object at a place, with all below it; returns its index.
-    fn place(&mut self, from: usize, place: &PlacedObject) -> Result<usize, ReadError> {
+    /// Adds a node for an object at a place, with all below it; returns its index. `index`: its number among the components
+    /// of an object.
+    fn place(&mut self, from: usize, place: &PlacedObject, index: usize) -> Result<usize, ReadError> {
         let part = match &place.path {
             Some(path) => self.paths.get(&name_of(path)).copied().unwrap_or(from),
             None => from,
@@ -194,9 +205,11 @@ impl ThreeMfScene<'_> {
         if let Some(matrix) = matrix_of_node(matrix(place, scale), &mut self.scene) {
             node["matrix"] = matrix;
         }
-        let parent =
-            self.open.last().filter(|_| place.path.is_some() || part == 0).map(|(_, object)| *object);
-        let role = parent.and_then(|parent| self.settings.roles.get(&(parent, place.object)).copied());
+        let parent = self.open.last().filter(|(of, _)| *of == 0).map(|(_, object)| *object);
+        let said = parent.and_then(|parent| self.settings.part(parent, index, place.object));
+        if part == 0 && !(object.triangles.is_empty() && object.components.is_empty()) {
+            self.placed.insert(place.object);
+        }
         if self.settings.is_present {
             node["extras"][OF_THREE_MF]["object"] = place.object.into();
         }
@@ -206,10 +219,24 @@ impl ThreeMfScene<'_> {
         if let Some(kind) = object.kind {
             node["extras"][OF_THREE_MF]["type"] = kind.into();
         }
-        self.set_role(&mut node, role, object.kind.is_some_and(|kind| kind != "surface"));
-        let volumes = self.settings.volumes_of(place.object, object.triangles.len()).filter(|_| part == 0);
+        // A slicer that names the part decides what it is: several parts may share an object, which has one type.
+        let is_hidden = said.is_none() && object.kind.is_some_and(|kind| kind != "surface");
+        self.set_role(&mut node, said.flatten(), is_hidden);
+        let mut volumes = None;
+        match self.settings.volumes_of(place.object, object.triangles.len()) {
+            ObjectVolumes::Several(all) if part == 0 => volumes = Some(all.to_vec()),
+            ObjectVolumes::Unfit if part == 0 => self.scene.warn(Warning::lost(format!(
+                "ranges of parts of object {} do not fit its triangles: it is one solid, without settings",
+                place.object
+            ))),
+            _ => {}
+        }
         let mut children = Vec::new();
-        if let Some(volumes) = volumes.map(<[_]>::to_vec) {
+        if let Some(volumes) = volumes {
+            let count = object.triangles.len();
+            if object.sets.iter().flat_map(|set| &set.ranges).any(|[_, last]| *last as usize >= count) {
+                self.scene.warn(Warning::lost(LOST_SETS));
+            }
             self.check_triangles(id, object)?;
             for (at, volume) in volumes.into_iter().enumerate() {
                 self.take_node(&name())?;
@@ -226,8 +253,8 @@ impl ThreeMfScene<'_> {
         }
         let node = self.scene.add("nodes", node);
         self.open.push(id);
-        for component in &object.components {
-            children.push(self.place(part, component)?);
+        for (index, component) in object.components.iter().enumerate() {
+            children.push(self.place(part, component, index)?);
         }
         self.open.pop();
         if !children.is_empty() {
@@ -276,8 +303,7 @@ impl ThreeMfScene<'_> {
         let resolved = self.resolve(id, object)?;
         let marks = Marks::new(object, &self.parts[id.0].clone());
         if marks.lost_sets {
-            let text = "sets of triangles are too many, or name triangles that are not there: dropped";
-            self.scene.warn(Warning::lost(text));
+            self.scene.warn(Warning::lost(LOST_SETS));
         }
         let split_triangles;
         let triangles = if resolved.looks.iter().all(|look| matches!(look, Look::Plain(_))) {
@@ -618,12 +644,13 @@ fn piece_of(object: &Object, first: u32, last: u32) -> Object {
     let number = |v: u32| used.binary_search(&v).unwrap_or(0) as u32;
     let within =
         |[a, b]: [u32; 2]| (a <= last && b >= first).then(|| [a.max(first) - first, b.min(last) - first]);
-    let sets = object.sets.iter().map(|set| TriangleSet {
-        name: set.name.clone(),
-        identifier: set.identifier.clone(),
-        ranges: set.ranges.iter().copied().filter_map(within).collect(),
+    let sets = object.sets.iter().filter_map(|set| {
+        let ranges: Vec<[u32; 2]> = set.ranges.iter().copied().filter_map(within).collect();
+        let (name, identifier) = (set.name.clone(), set.identifier.clone());
+        (!ranges.is_empty()).then_some(TriangleSet { name, identifier, ranges })
     });
-    let paint = object.paint.iter().filter(|p| range.contains(&(p.triangle as usize)));
+    let [from, to] = [first, last + 1].map(|at| object.paint.partition_point(|p| p.triangle < at));
+    let paint = object.paint[from..to].iter();
     Object {
         name: object.name.clone(),
         kind: object.kind,

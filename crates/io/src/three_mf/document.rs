@@ -15,6 +15,7 @@ use super::marks::{
 };
 use super::properties::{Properties, Shown, TextureCoordinates, bytes_of_linear};
 use super::settings::WrittenObjects;
+use super::xml::escaped;
 use crate::material::{bytes_with_mipmaps, size_of};
 use crate::numbers::TextOut;
 use crate::sizes::Sizes;
@@ -66,7 +67,7 @@ const DISPLAY: usize = 2;
 const FIRST_TEXTURE: usize = 3;
 
 /// What is written before the resources.
-pub(super) struct Header<'a> {
+pub(super) struct ModelHeader<'a> {
     pub(super) metadata: &'a [(String, String)],
     /// Namespaces of prefixes that names of metadata have.
     pub(super) namespaces: Vec<&'a (String, String)>,
@@ -86,9 +87,11 @@ impl<'a> ModelPart<'a> {
         let mut properties: Vec<Option<Properties<'_>>> =
             objects.iter().map(|object| object.as_ref().map(&mut of_object)).collect();
         for volumes in placed.volumes.values() {
-            let is_piece = |mesh: usize| volumes.iter().any(|&(_, other)| other == mesh);
-            let own = properties.iter_mut().enumerate().filter(|(mesh, _)| is_piece(*mesh));
-            Properties::join(&mut own.filter_map(|(_, piece)| piece.as_mut()).collect::<Vec<_>>());
+            let has_any =
+                volumes.iter().any(|&(_, mesh)| properties[mesh].as_ref().is_some_and(Properties::has_any));
+            for &(_, mesh) in volumes.iter().filter(|_| has_any) {
+                properties[mesh].iter_mut().for_each(Properties::set_beside_others);
+            }
         }
         let all = || properties.iter().flatten();
         let materials: BTreeSet<usize> = all().flat_map(|p| p.materials.iter().copied()).collect();
@@ -139,7 +142,7 @@ impl<'a> ModelPart<'a> {
     pub(super) fn write(
         &mut self,
         placed: &Assemblies,
-        header: &Header<'_>,
+        header: &ModelHeader<'_>,
         out: &mut TextOut<'_>,
     ) -> io::Result<(usize, WrittenObjects)> {
         self.last_id = placed.ids().max().unwrap_or(0) as usize;
@@ -217,7 +220,7 @@ impl<'a> ModelPart<'a> {
     fn write_header(
         &self,
         placed: &Assemblies,
-        header: &Header<'_>,
+        header: &ModelHeader<'_>,
         out: &mut TextOut<'_>,
     ) -> io::Result<()> {
         out.text("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"");
@@ -350,7 +353,7 @@ impl<'a> ModelPart<'a> {
     /// vertex twice are left out.
     fn write_object(
         &self,
-        pieces: &[Piece<'_>],
+        pieces: &[ObjectPiece<'_>],
         (id, facts): (usize, &ObjectFacts),
         out: &mut TextOut<'_>,
     ) -> io::Result<Vec<usize>> {
@@ -440,7 +443,7 @@ impl<'a> ModelPart<'a> {
 }
 
 /// A piece of an object: the number of its volume, its mesh, the properties of its triangles and their numbers.
-type Piece<'a> = (usize, &'a MeshObject<'a>, &'a Properties<'a>, MeshIds);
+type ObjectPiece<'a> = (usize, &'a MeshObject<'a>, &'a Properties<'a>, MeshIds);
 
 /// A function that returns the vertex of a wedge.
 type VertexNumbers<'a> = Box<dyn Fn(WedgeId) -> u32 + 'a>;
@@ -516,22 +519,14 @@ fn write_place(element: &str, place: &ObjectPlace, id: usize, out: &mut TextOut<
         }
         out.byte(b'"');
     }
-    out.text(if place.is_printable { "/>" } else { " printable=\"0\"/>" });
+    let is_marked = element.ends_with("<item") && !place.is_printable;
+    out.text(if is_marked { " printable=\"0\"/>" } else { "/>" });
     out.end_line()
 }
 
 /// Returns zero for a number that XML cannot hold.
 fn finite(x: f32) -> f32 {
     if x.is_finite() { x } else { 0.0 }
-}
-
-/// Returns a text for XML, with characters that it cannot hold replaced.
-pub(super) fn escaped(text: &str) -> String {
-    let plain: String = text
-        .chars()
-        .map(|c| if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') { '_' } else { c })
-        .collect();
-    quick_xml::escape::escape(&plain).into_owned()
 }
 
 /// Returns a colour as `#RRGGBB`, with its alpha if it has one.

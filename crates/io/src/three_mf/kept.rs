@@ -1,15 +1,15 @@
 //! What is kept from one 3MF file to another beside its scene: settings, thumbnails, and what refers to them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use lodsmith_core::numbers::counted;
 use serde_json::Value;
 
-use super::document::escaped;
 use super::marks::ExactPaint;
-use super::package::name_of;
 use super::settings::names_objects;
+use super::xml::escaped;
 use crate::error::Warning;
+use crate::gltf::percent_decoded;
 
 /// The name in `extras` of nodes and primitives of what only 3MF has.
 pub(crate) const OF_THREE_MF: &str = "3mf";
@@ -31,6 +31,8 @@ pub(crate) struct KeptContents {
     pub(super) namespaces: Vec<(String, String)>,
     /// True if a slicer wrote the file: then its description and the numbers of its objects are kept.
     pub(super) is_project: bool,
+    /// Numbers of the placed objects of the first part.
+    pub(super) objects: BTreeSet<u32>,
     /// Paint of triangles of which a part is painted, by mesh.
     pub(super) paint: BTreeMap<usize, Vec<ExactPaint>>,
 }
@@ -78,7 +80,7 @@ impl KeptContents {
     ) -> Vec<&(String, Vec<u8>)> {
         let is_kept = |path: &str| has_known_ids || !names_objects(&path.to_ascii_lowercase());
         if !self.files.iter().all(|(path, _)| is_kept(path)) {
-            let text = "settings of objects name several objects by one number: left out";
+            let text = "settings of objects name several objects by one number, or one by a very large number: left out";
             warnings.push(Warning::lost(text));
         }
         self.files.iter().filter(|(path, _)| is_kept(path)).collect()
@@ -89,7 +91,7 @@ impl KeptContents {
         &'k self,
         files: &[&'k (String, Vec<u8>)],
     ) -> impl Iterator<Item = &'k (String, String)> {
-        let names: Vec<String> = files.iter().map(|(path, _)| name_of(path)).collect();
+        let names: HashSet<String> = files.iter().map(|(path, _)| name_of(path)).collect();
         self.relations.iter().filter(move |(_, target)| names.contains(&name_of(target)))
     }
 
@@ -104,14 +106,15 @@ impl KeptContents {
     /// Returns a file of content types with those of these files.
     pub(super) fn content_types(&self, own: &str, files: &[&(String, Vec<u8>)]) -> String {
         let mut text = String::new();
+        let part_types: HashMap<String, &str> =
+            self.part_types.iter().map(|(part, kind)| (name_of(part), &**kind)).collect();
         let mut known: BTreeSet<String> = ["rels", "model", "png", "jpg"].map(str::to_owned).into();
         for (path, _) in files {
             let name = name_of(path);
-            let of_part =
-                self.part_types.iter().find(|(part, _)| name_of(part) == name).map(|(_, kind)| kind);
+            let of_part = part_types.get(&name).copied();
             let file = name.rsplit('/').next().unwrap_or_default();
             let (Some((_, extension)), None) = (file.rsplit_once('.'), of_part) else {
-                let (path, kind) = (escaped(path), escaped(of_part.map_or(UNKNOWN_TYPE, String::as_str)));
+                let (path, kind) = (escaped(path), escaped(of_part.unwrap_or(UNKNOWN_TYPE)));
                 text.push_str(&format!(" <Override PartName=\"/{path}\" ContentType=\"{kind}\"/>\n"));
                 continue;
             };
@@ -124,4 +127,12 @@ impl KeptContents {
         }
         own.replace("</Types>", &format!("{text}</Types>"))
     }
+}
+
+/// Returns the name of a part without its leading slash, in lower case, with blanks for `%20` and slashes for
+/// backslashes: programs differ in whether they encode the names in the archive, in references to them, or both.
+pub(super) fn name_of(path: &str) -> String {
+    let decoded = percent_decoded(path).and_then(|bytes| String::from_utf8(bytes).ok());
+    let path = decoded.unwrap_or_else(|| path.to_owned()).replace('\\', "/");
+    path.trim_start_matches('/').to_ascii_lowercase()
 }

@@ -13,16 +13,17 @@ use std::io;
 
 use serde_json::{Map, Value, json};
 
-use super::document::escaped;
 use super::resources::{Object, Part, TriangleSet};
+use super::xml::escaped;
 use crate::numbers::TextOut;
 
 /// Attributes of triangles for paint, and the prefixes that they are written with.
-pub(super) const PAINTS: [(&str, &str); 9] = [
+pub(super) const PAINTS: [(&str, &str); 10] = [
     ("custom_supports", PRUSA_PREFIX),
     ("custom_seam", PRUSA_PREFIX),
     ("mmu_segmentation", PRUSA_PREFIX),
     ("fuzzy_skin", PRUSA_PREFIX),
+    ("texture_skin", PRUSA_PREFIX),
     ("paint_supports", ""),
     ("paint_seam", ""),
     ("paint_color", ""),
@@ -30,7 +31,7 @@ pub(super) const PAINTS: [(&str, &str); 9] = [
     ("face_property", ""),
 ];
 /// The last of [`PAINTS`] is a word, the others are trees of painted parts.
-const FIRST_WORD: u8 = 8;
+const FIRST_WORD: u8 = 9;
 pub(super) const PRUSA_PREFIX: &str = "slic3rpe:";
 /// The namespace of [`PRUSA_PREFIX`].
 pub(super) const PRUSA_NAMESPACE: &str = "http://schemas.slic3r.org/3mf/2017/06";
@@ -178,8 +179,11 @@ impl<'a> RegionMarks<'a> {
     pub(super) fn write(&mut self, triangle: usize, region: usize, out: &mut TextOut<'_>) {
         let mut painted: BTreeMap<u8, &str> = BTreeMap::new();
         painted.extend(self.of_regions.get(region).into_iter().flatten().copied());
-        while let Some((_, kind, text)) = self.exact.next_if(|p| p.0 as usize <= triangle) {
-            painted.insert(*kind, text);
+        // Triangles before may have been left out.
+        while let Some((at, kind, text)) = self.exact.next_if(|p| p.0 as usize <= triangle) {
+            if *at as usize == triangle {
+                painted.insert(*kind, text);
+            }
         }
         for (kind, text) in painted {
             let (name, prefix) = PAINTS[usize::from(kind)];
@@ -238,11 +242,13 @@ impl WrittenSets {
             let [name, identifier] = [name, identifier].map(|text| escaped(text));
             out.text(&format!("     <t:triangleset name=\"{name}\" identifier=\"{identifier}\">\n"));
             for [first, last] in ranges {
-                out.text(&match first == last {
-                    true => format!("      <t:ref index=\"{first}\"/>"),
-                    false => format!("      <t:refrange startindex=\"{first}\" endindex=\"{last}\"/>"),
-                });
-                out.end_line()?;
+                // (lib3mf 2.5 does not read ranges.)
+                for triangle in *first..=*last {
+                    out.text("      <t:ref index=\"");
+                    out.parse_integer(triangle);
+                    out.text("\"/>");
+                    out.end_line()?;
+                }
             }
             out.text("     </t:triangleset>\n");
         }

@@ -23,6 +23,9 @@ const REPEAT: u32 = 10497;
 const MIRROR: u32 = 33648;
 const CLAMP: u32 = 33071;
 
+/// Limit on names of sets of triangles, in bytes: each may be in many combinations. (Guessed: names are for people.)
+const MAX_SET_NAME: usize = 1 << 10;
+
 /// Types of objects other than `model`.
 pub(super) const OTHER_TYPES: [&str; 4] = ["solidsupport", "support", "surface", "other"];
 
@@ -95,6 +98,12 @@ pub(super) fn parse(path: &str, text: &[u8]) -> Result<Part, ReadError> {
             }
             Ok(())
         }
+        Event::CData(text) => {
+            if let (Some((_, value)), Ok(text)) = (&mut parser.metadata, text.decode()) {
+                value.push_str(&text);
+            }
+            Ok(())
+        }
         // The reader returns `&lt;` and other entities separately from the text around them.
         Event::GeneralRef(name) => {
             if let (Some((_, value)), Ok(name)) = (&mut parser.metadata, name.decode()) {
@@ -122,6 +131,8 @@ struct ModelParser {
     /// The display properties that are open, and their entries.
     metallic: Option<(u32, Vec<[f64; 2]>)>,
     metadata: Option<(String, String)>,
+    /// True within the metadata of an object or an item.
+    is_in_group: bool,
 }
 
 impl ModelParser {
@@ -131,8 +142,14 @@ impl ModelParser {
             b"triangleset" | b"ref" | b"refrange" => self.triangle_set(e),
             b"triangle" => self.triangle(e),
             b"model" => self.model(e),
+            b"metadatagroup" => {
+                self.part.drop_content("metadata of objects and items");
+                self.is_in_group = true;
+                Ok(())
+            }
             b"metadata" => {
-                self.metadata = attribute(e, b"name")?.map(|name| (name, String::new()));
+                let name = attribute(e, b"name")?.filter(|_| !self.is_in_group);
+                self.metadata = name.map(|name| (name, String::new()));
                 Ok(())
             }
             b"object" => self.object(e),
@@ -144,7 +161,8 @@ impl ModelParser {
                 Ok(())
             }
             b"item" => {
-                self.part.items.push(component(e)?);
+                let is_printable = !matches!(attribute(e, b"printable")?.as_deref(), Some("0" | "false"));
+                self.part.items.push(PlacedObject { is_printable, ..component(e)? });
                 Ok(())
             }
             b"base" | b"color" | b"tex2coord" | b"multi" => self.entry(e),
@@ -203,6 +221,7 @@ impl ModelParser {
             }
             b"pbmetallicdisplayproperties" => self.part.metallic.extend(self.metallic.take()),
             b"metadata" => self.part.metadata.extend(self.metadata.take()),
+            b"metadatagroup" => self.is_in_group = false,
             _ => {}
         }
     }
@@ -256,6 +275,9 @@ impl ModelParser {
             b"triangleset" => {
                 let text = |name: &[u8]| Ok::<_, Problem>(attribute(e, name)?.unwrap_or_default());
                 let (name, identifier) = (text(b"name")?, text(b"identifier")?);
+                if name.len().max(identifier.len()) > MAX_SET_NAME {
+                    return Err(format!("a name of a set of triangles has more than {MAX_SET_NAME} bytes"));
+                }
                 object.sets.push(TriangleSet { name, identifier, ranges: Vec::new() });
                 return Ok(());
             }
@@ -308,8 +330,8 @@ impl ModelParser {
                 name => {
                     let kind = PAINTS.iter().position(|(paint, _)| paint.as_bytes() == name);
                     let is_word = value.iter().all(u8::is_ascii_alphanumeric);
-                    if kind.is_some() && !is_word {
-                        self.part.drop_content("paint in a form that no slicer writes");
+                    if (kind.is_some() && !is_word) || (kind.is_none() && name.starts_with(b"paint_")) {
+                        self.part.drop_content("some kinds of paint of a slicer");
                     }
                     if let Some(kind) = kind.filter(|_| is_word && !value.is_empty()) {
                         let text = self.part.paint_number(value);
@@ -394,9 +416,8 @@ impl ModelParser {
 
 fn component(e: &BytesStart<'_>) -> Result<PlacedObject, Problem> {
     let transform = attribute(e, b"transform")?.map(|text| transform(&text)).transpose()?;
-    let is_printable = !matches!(attribute(e, b"printable")?.as_deref(), Some("0" | "false"));
     let (path, object) = (attribute(e, b"path")?, required_number(e, b"objectid")?);
-    Ok(PlacedObject { path, object, transform, is_printable })
+    Ok(PlacedObject { path, object, transform, is_printable: true })
 }
 
 fn transform(text: &str) -> Result<Transform, Problem> {

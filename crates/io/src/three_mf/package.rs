@@ -1,6 +1,6 @@
 //! Access to the parts of the archive.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::io::{Cursor, Read};
 
 use lodsmith_core::numbers::counted;
@@ -8,12 +8,11 @@ use quick_xml::events::Event;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::kept::KeptContents;
+use super::kept::{KeptContents, name_of};
 use super::model::{attribute, parse_events};
 use super::settings::{Settings, names_objects};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
-use crate::gltf::percent_decoded;
 use crate::limits::Limits;
 use crate::lines::utf8_of;
 
@@ -23,6 +22,8 @@ const MODEL_RELATION: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/
 const THUMBNAIL: &str = "/metadata/thumbnail";
 /// Folders of settings, thumbnails and pictures, of PrusaSlicer and of BambuStudio and OrcaSlicer.
 const KEPT_FOLDERS: [&str; 2] = ["metadata/", "auxiliaries/"];
+/// Folders of the parts that the writer makes.
+const OWN_FOLDERS: [&str; 3] = ["3d/", "_rels/", "[content_types]"];
 /// Usual name of the first model part.
 const USUAL_MODEL: &str = "3d/3dmodel.model";
 
@@ -61,7 +62,7 @@ impl<'a> Package<'a> {
         if file.encrypted() {
             return Err(ReadError::Unsupported(format!("{} is encrypted: it is not read", excerpt(path))));
         }
-        let left = self.limit - self.unpacked;
+        let left = self.limit.saturating_sub(self.unpacked);
         let mut bytes = Vec::new();
         let read = file.take(left.saturating_add(1)).read_to_end(&mut bytes);
         self.unpacked += bytes.len() as u64;
@@ -86,7 +87,7 @@ impl<'a> Package<'a> {
             let read = self.part(&name).and_then(|text| settings.add(&name, &text.unwrap_or_default()));
             if let Err(e) = read {
                 warn(Warning::lost(format!("settings of a slicer cannot be read: {e}")));
-                return Settings::default();
+                return Settings { is_damaged: true, ..Settings::default() };
             }
         }
         settings
@@ -94,27 +95,31 @@ impl<'a> Package<'a> {
 
     /// Returns settings, thumbnails and other files of slicers, with what refers to them. Files that cannot be unpacked and
     /// results of slicing, which do not fit another mesh, are left out, with a warning.
-    pub(super) fn kept_contents(&mut self, warn: &mut dyn FnMut(Warning)) -> KeptContents {
+    /// `is_damaged`: true if settings of objects cannot be read.
+    pub(super) fn kept_contents(&mut self, is_damaged: bool, warn: &mut dyn FnMut(Warning)) -> KeptContents {
         let mut kept = KeptContents::default();
-        let thumbnails: Vec<String> = self
-            .relations
-            .iter()
-            .filter(|(kind, _)| kind.ends_with(THUMBNAIL))
-            .map(|(_, t)| name_of(t))
-            .collect();
+        let thumbnails = self.relations.iter().filter(|(kind, _)| kind.ends_with(THUMBNAIL));
+        let thumbnails: HashSet<String> = thumbnails.map(|(_, target)| name_of(target)).collect();
         let is_kept = |name: &str| {
-            (KEPT_FOLDERS.iter().any(|folder| name.starts_with(folder))
-                || thumbnails.iter().any(|t| t == name))
-                && !name.ends_with('/')
-                && !name.split('/').any(|word| word == "..")
+            let is_beside = KEPT_FOLDERS.iter().any(|folder| name.starts_with(folder))
+                // Shapes that slicers cut or emboss.
+                || (name.starts_with("3d/") && name.ends_with(".svg"))
+                || (thumbnails.contains(name) && !OWN_FOLDERS.iter().any(|folder| name.starts_with(folder)));
+            is_beside && !name.ends_with('/') && !name.split('/').any(|word| word == "..")
         };
+        if self.names.keys().any(|name| thumbnails.contains(name) && !is_kept(name)) {
+            warn(Warning::lost("a thumbnail among the parts of the model is not kept"));
+        }
         let names: Vec<(String, usize)> =
             self.names.iter().filter(|(name, _)| is_kept(name)).map(|(n, i)| (n.clone(), *i)).collect();
         let mut sliced = 0;
         for (name, index) in names {
-            // Relations of files of a folder name results of slicing.
-            if name.contains(".gcode") || name.starts_with("metadata/_rels/") {
+            if name.ends_with(".gcode") || name.ends_with(".gcode.md5") {
                 sliced += 1;
+                continue;
+            }
+            // Relations of files in a folder name results of slicing, and damaged settings fit no object.
+            if name.contains("_rels/") || (is_damaged && names_objects(&name)) {
                 continue;
             }
             let path = self.archive.name_for_index(index).and_then(Result::ok).unwrap_or_default();
@@ -125,16 +130,25 @@ impl<'a> Package<'a> {
                     kept.files.push((path, bytes));
                 }
                 Ok(None) => {}
-                Err(e) => warn(Warning::lost(format!("a file beside the model is left out: {e}"))),
+                Err(e) => {
+                    let is_limit = !matches!(e, ReadError::Malformed { .. } | ReadError::Unsupported(_));
+                    let further = if is_limit { ", and those after it," } else { "" };
+                    warn(Warning::lost(format!("a file beside the model{further} is left out: {e}")));
+                    if is_limit {
+                        break;
+                    }
+                }
             }
         }
         if sliced > 0 {
             let files = counted(sliced, "file of a sliced model is", "files of a sliced model are");
             warn(Warning::lost(format!("{files} not kept (G-code)")));
+            // What the result of slicing weighs and costs.
+            kept.files.retain(|(path, _)| name_of(path) != "metadata/slice_info.config");
         }
-        let has = |target: &str| kept.files.iter().any(|(path, _)| name_of(path) == name_of(target));
-        let relations = self.relations.iter().filter(|(_, target)| has(target)).cloned();
-        kept.relations = relations.collect();
+        let names: HashSet<String> = kept.files.iter().map(|(path, _)| name_of(path)).collect();
+        let relations = self.relations.iter().filter(|(_, target)| names.contains(&name_of(target)));
+        kept.relations = relations.cloned().collect();
         if let Ok(Some(text)) = self.part("[content_types].xml") {
             // Types that cannot be read are those of no part.
             let _ = parse_events("[Content_Types].xml", &utf8_of(&text), |event, _| {
@@ -172,14 +186,6 @@ impl<'a> Package<'a> {
             None => Err(ReadError::file("the ZIP archive holds no 3D model: a 3MF file has one in 3D/")),
         }
     }
-}
-
-/// Returns the name of a part without its leading slash, in lower case, with blanks for `%20` and slashes for
-/// backslashes: programs differ in whether they encode the names in the archive, in references to them, or both.
-pub(super) fn name_of(path: &str) -> String {
-    let decoded = percent_decoded(path).and_then(|bytes| String::from_utf8(bytes).ok());
-    let path = decoded.unwrap_or_else(|| path.to_owned()).replace('\\', "/");
-    path.trim_start_matches('/').to_ascii_lowercase()
 }
 
 fn damaged(what: &str, error: &ZipError) -> ReadError {

@@ -212,14 +212,13 @@ impl<'a> Properties<'a> {
     }
 
     /// Returns true if some triangles have properties.
-    fn has_any(&self) -> bool {
+    pub(super) fn has_any(&self) -> bool {
         self.kind_count() > usize::from(self.has_bare)
     }
 
-    /// Takes the properties of meshes that become one object: if some triangles have any, others need the default.
-    pub(super) fn join(pieces: &mut [&mut Self]) {
-        let has_any = pieces.iter().any(|piece| piece.has_any());
-        pieces.iter_mut().for_each(|piece| piece.is_beside_others = has_any);
+    /// Notes that other meshes of the same object have properties, so that triangles without any need the default.
+    pub(super) fn set_beside_others(&mut self) {
+        self.is_beside_others = true;
     }
 
     /// Returns the entry of the colour of a wedge.

@@ -32,10 +32,12 @@ pub(super) struct Volume {
 pub(super) struct Settings {
     /// By objects.
     pub(super) volumes: HashMap<u32, Vec<Volume>>,
-    /// By objects and the objects that are their components.
-    pub(super) roles: HashMap<(u32, u32), &'static str>,
+    /// By objects: the numbers of their components, which may repeat, and what each is if not solid.
+    pub(super) parts: HashMap<u32, Vec<(u32, Option<&'static str>)>>,
     /// True if there is a file of settings of objects.
     pub(super) is_present: bool,
+    /// True if such a file cannot be read.
+    pub(super) is_damaged: bool,
 }
 
 /// The program that wrote a file of settings.
@@ -59,6 +61,21 @@ pub(super) fn names_objects(path: &str) -> bool {
     dialect(path).is_some()
 }
 
+/// Ends of the names of files that name objects by their places in the list of all.
+const COUNTING: [&str; 6] = [
+    "layer_heights_profile.txt",
+    "layer_config_ranges.xml",
+    "sla_support_points.txt",
+    "sla_drain_holes.txt",
+    "cut_information.xml",
+    "brim_ear_points.txt",
+];
+
+/// Returns true if this file names objects by their places in the list of all.
+pub(super) fn counts_objects(path: &str) -> bool {
+    COUNTING.iter().any(|end| path.to_ascii_lowercase().ends_with(end))
+}
+
 /// The number and the triangles of objects as they are written.
 #[derive(Default)]
 pub(super) struct WrittenObjects {
@@ -71,7 +88,7 @@ pub(super) struct WrittenObjects {
 }
 
 impl WrittenObjects {
-    fn has(&self, id: u32) -> bool {
+    pub(super) fn has(&self, id: u32) -> bool {
         self.volumes.contains_key(&id) || self.faces.contains_key(&id) || self.assemblies.contains(&id)
     }
 }
@@ -81,16 +98,16 @@ impl Settings {
     pub(super) fn add(&mut self, path: &str, text: &[u8]) -> Result<(), ReadError> {
         let Some(dialect) = dialect(path) else { return Ok(()) };
         self.is_present = true;
-        let (mut object, mut part) = (0, 0);
+        let mut object = 0;
         parse_events(path, text, |event, _| {
             let (Event::Start(e) | Event::Empty(e)) = event else { return Ok(()) };
             match (e.local_name().as_ref(), dialect) {
                 (b"object", _) => object = required_number(e, b"id")?,
                 (b"part", Dialect::Bambu) => {
-                    part = required_number(e, b"id")?;
+                    let part = required_number(e, b"id")?;
                     let kind = attribute(e, b"subtype")?;
                     let role = ROLES.iter().find(|(_, bambu, _)| kind.as_deref() == Some(bambu));
-                    self.roles.extend(role.map(|(.., ours)| ((object, part), *ours)));
+                    self.parts.entry(object).or_default().push((part, role.map(|(.., ours)| *ours)));
                 }
                 (b"volume", Dialect::Prusa) => {
                     let (first, last) = (required_number(e, b"firstid")?, required_number(e, b"lastid")?);
@@ -114,29 +131,59 @@ impl Settings {
         })
     }
 
-    /// Returns the volumes of an object of this many triangles: `None` if it is one solid, or if they do not cover it.
-    pub(super) fn volumes_of(&self, object: u32, triangles: usize) -> Option<&[Volume]> {
+    /// Returns the volumes of an object, which are at least two, or one that is not solid.
+    fn parted(&self, object: u32) -> Option<&[Volume]> {
         let all = self.volumes.get(&object)?;
+        (all.len() > 1 || all.iter().any(|volume| volume.role.is_some())).then_some(all)
+    }
+
+    /// Returns the volumes of an object of this many triangles.
+    pub(super) fn volumes_of(&self, object: u32, triangles: usize) -> ObjectVolumes<'_> {
+        let Some(all) = self.parted(object) else { return ObjectVolumes::One };
+        let mut sorted = all.to_vec();
+        sorted.sort_unstable_by_key(|volume| volume.first);
         let mut next = 0;
-        let is_covered = all.iter().all(|v| {
+        let fits = sorted.iter().all(|v| {
             let fits = v.first as usize == next && v.last >= v.first;
             next = v.last as usize + 1;
             fits
         });
-        let is_one = all.len() == 1 && all[0].role.is_none();
-        (is_covered && next == triangles && !is_one).then_some(all)
+        if fits && next == triangles { ObjectVolumes::Several(all) } else { ObjectVolumes::Unfit }
     }
+
+    /// Returns what the settings say of a component of an object: `None` if nothing, else what it is if not solid.
+    /// Components with the same number are told apart by their order.
+    pub(super) fn part(&self, object: u32, index: usize, component: u32) -> Option<Option<&'static str>> {
+        let all = self.parts.get(&object)?;
+        let is_it = |part: &&(u32, Option<&'static str>)| part.0 == component;
+        all.get(index).filter(is_it).or_else(|| all.iter().find(is_it)).map(|part| part.1)
+    }
+}
+
+/// The volumes of an object.
+pub(super) enum ObjectVolumes<'s> {
+    /// It is one solid.
+    One,
+    /// They cover its triangles, in any order.
+    Several(&'s [Volume]),
+    /// They overlap, leave triangles out or name others.
+    Unfit,
 }
 
 /// Returns a file of settings for objects as they are written: with their ranges and numbers of triangles, and without
 /// those that are gone. Another file is returned as it is.
 pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<u8> {
     let Some(dialect) = dialect(path) else { return text.to_vec() };
+    let mut before = Settings::default();
+    // It was read before.
+    let _ = before.add(path, text);
     let mut out = Writer::new(Vec::with_capacity(text.len()));
     let mut reader = quick_xml::Reader::from_reader(text);
-    let (mut object, mut at, mut next, mut faces) = (0, 0, 0, None);
+    let mut state = Updating { dialect, objects, before, object: 0, at: 0, next: 0, faces: None };
     // Number of open elements of one that is left out.
     let mut skipped = 0usize;
+    // The events of an instance, which names its object within.
+    let mut instance: Option<(Vec<Event<'_>>, bool)> = None;
     loop {
         let Ok(event) = reader.read_event() else { return text.to_vec() };
         if matches!(event, Event::Eof) {
@@ -150,49 +197,115 @@ pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<
             }
             continue;
         }
-        let (Event::Start(e) | Event::Empty(e)) = &event else {
+        let mut event = event;
+        if let Event::Start(e) | Event::Empty(e) = &event {
+            let is_empty = matches!(event, Event::Empty(_));
+            match state.element(e) {
+                ElementChange::None => {}
+                ElementChange::Gone => {
+                    skipped = usize::from(!is_empty);
+                    continue;
+                }
+                ElementChange::GoneInstance => {
+                    instance.iter_mut().for_each(|(_, is_gone)| *is_gone = true);
+                }
+                ElementChange::To(element) => {
+                    event = if is_empty { Event::Empty(element) } else { Event::Start(element) };
+                }
+            }
+        }
+        let name = |e: &[u8]| e == b"model_instance";
+        let begins = matches!(&event, Event::Start(e) if name(e.local_name().as_ref()));
+        let ends = matches!(&event, Event::End(e) if name(e.local_name().as_ref()));
+        if begins {
+            instance = Some((Vec::new(), false));
+        }
+        let Some((events, is_gone)) = &mut instance else {
             let _ = out.write_event(event);
             continue;
         };
+        events.push(event);
+        if ends {
+            for event in events.drain(..).filter(|_| !*is_gone) {
+                let _ = out.write_event(event);
+            }
+            instance = None;
+        }
+    }
+}
+
+/// What becomes of an element.
+enum ElementChange {
+    None,
+    Gone,
+    /// The instance around it is of an object that is gone.
+    GoneInstance,
+    To(BytesStart<'static>),
+}
+
+/// The place in a file of settings that is updated.
+struct Updating<'o> {
+    dialect: Dialect,
+    objects: &'o WrittenObjects,
+    before: Settings,
+    object: u32,
+    /// Number of the next volume, and of its first triangle.
+    at: usize,
+    next: usize,
+    /// Number of triangles of the part.
+    faces: Option<usize>,
+}
+
+impl Updating<'_> {
+    fn element(&mut self, e: &BytesStart<'_>) -> ElementChange {
         let id = |name: &[u8]| required_number(e, name).unwrap_or(u32::MAX);
-        let mut changed = None;
-        let mut is_gone = false;
-        match (e.local_name().as_ref(), dialect) {
+        let gone = |is_gone: bool| if is_gone { ElementChange::Gone } else { ElementChange::None };
+        let objects = self.objects;
+        match (e.local_name().as_ref(), self.dialect) {
             (b"object", _) => {
-                (object, at, next) = (id(b"id"), 0, 0);
-                is_gone = !objects.has(object);
+                (self.object, self.at, self.next) = (id(b"id"), 0, 0);
+                // Ranges that do not fit are left out with all that is said of the object: it is one solid.
+                let is_unfit =
+                    self.before.parted(self.object).is_some() && !objects.volumes.contains_key(&self.object);
+                gone(is_unfit || !objects.has(self.object))
             }
             (b"part", Dialect::Bambu) => {
                 let part = id(b"id");
-                faces = objects.faces.get(&part);
-                is_gone = !objects.has(part);
+                self.faces = objects.faces.get(&part).copied();
+                gone(!objects.has(part))
             }
-            (b"mesh_stat", Dialect::Bambu) => {
-                let count = faces.map(usize::to_string);
-                changed = count.map(|count| with_attributes(e, &[("face_count", count)]));
+            (b"assemble_item", Dialect::Bambu) => gone(!objects.has(id(b"object_id"))),
+            (b"metadata", Dialect::Bambu) => {
+                let text = |name: &[u8]| attribute(e, name).ok().flatten().unwrap_or_default();
+                match &*text(b"key") {
+                    "object_id" => match text(b"value").parse() {
+                        Ok(object) if objects.has(object) => ElementChange::None,
+                        _ => ElementChange::GoneInstance,
+                    },
+                    // Results of slicing are left out.
+                    "gcode_file" => ElementChange::To(with_attributes(e, &[("value", String::new())])),
+                    _ => ElementChange::None,
+                }
             }
+            (b"mesh_stat", Dialect::Bambu) => match self.faces {
+                Some(count) => ElementChange::To(with_attributes(e, &[("face_count", count.to_string())])),
+                None => ElementChange::None,
+            },
             (b"volume", Dialect::Prusa) => {
-                let count = match objects.volumes.get(&object) {
-                    Some(all) => all.get(at).copied().unwrap_or(0),
-                    None => objects.faces.get(&object).copied().unwrap_or(0),
+                let count = match objects.volumes.get(&self.object) {
+                    Some(all) => all.get(self.at).copied().unwrap_or(0),
+                    None => objects.faces.get(&self.object).copied().unwrap_or(0),
                 };
-                let first = next;
-                (at, next, is_gone) = (at + 1, next + count, count == 0);
-                let (first, last) = (first.to_string(), next.saturating_sub(1).to_string());
-                changed = Some(with_attributes(e, &[("firstid", first), ("lastid", last)]));
+                let first = self.next;
+                (self.at, self.next) = (self.at + 1, first + count);
+                if count == 0 {
+                    return ElementChange::Gone;
+                }
+                let (first, last) = (first.to_string(), (self.next - 1).to_string());
+                ElementChange::To(with_attributes(e, &[("firstid", first), ("lastid", last)]))
             }
-            _ => {}
+            _ => ElementChange::None,
         }
-        let is_empty = matches!(event, Event::Empty(_));
-        if is_gone {
-            skipped = usize::from(!is_empty);
-            continue;
-        }
-        let _ = out.write_event(match (changed, is_empty) {
-            (None, _) => event,
-            (Some(element), true) => Event::Empty(element),
-            (Some(element), false) => Event::Start(element),
-        });
     }
 }
 
@@ -203,7 +316,11 @@ fn with_attributes(e: &BytesStart<'_>, values: &[(&str, String)]) -> BytesStart<
         let other = values.iter().find(|(name, _)| name.as_bytes() == attribute.key.as_ref());
         match other {
             Some((name, value)) => new.push_attribute((*name, value.as_str())),
-            None => new.push_attribute(attribute),
+            // The writer does not escape what is escaped already, and quotes with `"`.
+            None => {
+                let value = String::from_utf8_lossy(&attribute.value).replace('"', "&quot;");
+                new.push_attribute((attribute.key.as_ref(), value.as_bytes()));
+            }
         }
     }
     new
@@ -223,10 +340,10 @@ mod tests {
 <volume firstid="24" lastid="30"/></object><object id="2"><volume firstid="0" lastid="9"></volume></object></config>"#;
         let mut settings = Settings::default();
         settings.add(PRUSA, text).unwrap();
-        let volumes = settings.volumes_of(1, 31).unwrap();
+        let ObjectVolumes::Several(volumes) = settings.volumes_of(1, 31) else { panic!("three") };
         assert_eq!(volumes.iter().map(|v| v.role).collect::<Vec<_>>(), [None, Some("negative part"), None]);
-        assert_eq!(settings.volumes_of(1, 30), None);
-        assert_eq!(settings.volumes_of(2, 10), None);
+        assert!(matches!(settings.volumes_of(1, 30), ObjectVolumes::Unfit));
+        assert!(matches!(settings.volumes_of(2, 10), ObjectVolumes::One));
         let objects = WrittenObjects { volumes: [(1, vec![4, 6, 0])].into(), ..WrittenObjects::default() };
         let expected = r#"<?xml version="1.0"?>
 <config><object id="1" a="&amp;"><metadata type="object" key="name" value="x"/><volume firstid="0" lastid="3"/>

@@ -9,11 +9,12 @@ use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::assemblies::Assemblies;
-use super::document::{APPLICATION, Header, MeshObject, ModelPart, escaped};
+use super::document::{APPLICATION, MeshObject, ModelHeader, ModelPart};
 use super::kept::{KeptContents, coarse_paint};
 use super::looks::Looks;
 use super::marks::ExactPaint;
-use super::settings::updated;
+use super::settings::{counts_objects, updated};
+use super::xml::escaped;
 use crate::error::{Warning, WriteError};
 use crate::excerpt::excerpt;
 use crate::frame::{Frame, Unit};
@@ -57,7 +58,7 @@ pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write)
     let (name, marks) = (String::new(), Vec::new());
     let object = MeshObject { name, mesh, of_region, sources: None, marks, paint: &[] };
     let placed = Assemblies::of_mesh(frame);
-    Ok(write_objects(looks, &[Some(object)], &placed, &Kept::default(), warnings, out)?.0)
+    Ok(write_objects(looks, &[Some(object)], &placed, &BesideObjects::default(), warnings, out)?.0)
 }
 
 /// Writes a scene with some meshes replaced: an object for each mesh.
@@ -106,7 +107,13 @@ pub(super) fn write_scene(
         let sources = if is_as_read { scene.source_vertices(mesh) } else { None };
         let mut paint: &[ExactPaint] = &[];
         if let Some(exact) = beside.and_then(|beside| beside.paint.get(&mesh)) {
-            match is_as_read {
+            let is_same = |read: &TriMesh| {
+                let same = |(a, b): ([f64; 3], [f64; 3])| a.map(f64::to_bits) == b.map(f64::to_bits);
+                read.triangles() == own.triangles()
+                    && read.positions().len() == own.positions().len()
+                    && read.positions().view().iter().zip(own.positions().view().iter()).all(same)
+            };
+            match is_as_read || scene.meshes().get(mesh).is_some_and(|read| is_same(&read.mesh)) {
                 true => paint = exact,
                 false => coarse += exact.chunk_by(|a, b| a.0 == b.0).count(),
             }
@@ -122,7 +129,7 @@ pub(super) fn write_scene(
     let encoded = |image| scene.encoded_image(image, &mut left);
     let looks = Looks::of_model(&model.materials, &used, encoded, &mut warnings);
     let metadata = if is_project { scene.description() } else { metadata(scene, &mut warnings) };
-    let kept = Kept { metadata, beside };
+    let kept = BesideObjects { metadata, beside };
     let (warnings, sizes) = write_objects(looks, &objects, &placed, &kept, warnings, out)?;
     Ok(Written { sizes: Some(sizes), ..Written::new(warnings) })
 }
@@ -143,7 +150,7 @@ fn metadata(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<(String, String)>
 
 /// What is written beside the objects.
 #[derive(Default)]
-struct Kept<'a> {
+struct BesideObjects<'a> {
     metadata: Vec<(String, String)>,
     beside: Option<&'a KeptContents>,
 }
@@ -153,7 +160,7 @@ fn write_objects(
     mut looks: Looks,
     objects: &[Option<MeshObject<'_>>],
     placed: &Assemblies,
-    kept: &Kept<'_>,
+    kept: &BesideObjects<'_>,
     mut warnings: Vec<Warning>,
     out: &mut dyn Write,
 ) -> io::Result<(Vec<Warning>, Sizes)> {
@@ -180,7 +187,7 @@ fn write_objects(
     // A triangle with properties, or a vertex, takes less than this as text.
     let elements: usize = all().map(|o| o.mesh.face_count() + o.mesh.wedge_count()).sum();
     start(&mut zip, "3D/3dmodel.model", 128 * elements)?;
-    let header = Header { metadata: &kept.metadata, namespaces: beside.namespaces_of(&kept.metadata) };
+    let header = ModelHeader { metadata: &kept.metadata, namespaces: beside.namespaces_of(&kept.metadata) };
     let (skipped, written) = document.write(placed, &header, &mut TextOut::new(&mut zip))?;
     let pictures: Vec<usize> = document.used_pictures().into_iter().collect();
     if !pictures.is_empty() {
@@ -194,7 +201,15 @@ fn write_objects(
             zip.write_all(bytes)?;
         }
     }
-    for (path, bytes) in files {
+    let is_gone = beside.objects.iter().any(|&object| !written.has(object));
+    let (kept_files, left_out): (Vec<_>, Vec<_>) =
+        files.into_iter().partition(|(path, _)| !(is_gone && counts_objects(path)));
+    if let Some((path, _)) = left_out.first() {
+        let text =
+            format!("settings that count objects, such as {}, are left out: objects are gone", excerpt(path));
+        warnings.push(Warning::lost(text));
+    }
+    for (path, bytes) in kept_files {
         start(&mut zip, path, bytes.len())?;
         zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written))?;
     }
