@@ -103,7 +103,7 @@ pub fn check(bytes: &[u8], format: Format) {
 }
 
 /// Counts the faces whose positions are all finite numbers in a format.
-fn finite_faces(mesh: &TriMesh, format: Format) -> usize {
+pub fn finite_faces(mesh: &TriMesh, format: Format) -> usize {
     let is_single = format.is_scene() || format == Format::Stl;
     let positions = mesh.positions().view();
     let holds = |x: f64| x.is_finite() && (!is_single || (x as f32).is_finite());

@@ -78,6 +78,14 @@ fn a_book_of_1000_pages_is_simplified_in_bounded_work() {
     assert!(report.faces_visited < 1 << 28, "{}", report.faces_visited);
 }
 
+/// Fault C2: in the last phase each cost compared the faces around the ends with their samples, so that the work was cubic.
+#[test]
+fn a_book_of_500_pages_is_simplified_in_bounded_work() {
+    let report = report(&book(500), MethodKind::Memoryless, 0.3);
+    assert!(report.reached, "{report:?}");
+    assert!(report.faces_visited < 1 << 26, "{}", report.faces_visited);
+}
+
 /// The work grows no faster than the number of pages.
 #[test]
 fn work_on_a_book_is_linear_in_its_pages() {
