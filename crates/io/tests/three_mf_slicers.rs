@@ -3,6 +3,7 @@
 //! The files are as PrusaSlicer and BambuStudio write them (sources: `src/three_mf/marks.rs`), but smaller.
 
 use std::io::{Cursor, Read as _, Write};
+use std::time::{Duration, Instant};
 
 use lodsmith_core::{TriMesh, WedgeId};
 use lodsmith_io::gltf::Scene;
@@ -558,4 +559,33 @@ fn files_beside_the_model_have_a_limit_together() {
     );
     let (bytes, _) = written(&scene, &[], Format::ThreeMf);
     assert_eq!((part(&bytes, "Metadata/a.txt"), part(&bytes, "Metadata/b.txt")), (None, None));
+}
+
+/// Each place of an object made its volumes again.
+#[test]
+fn volumes_are_made_once_for_all_places() {
+    const SIDE: usize = 100;
+    let vertices: String = (0..(SIDE + 1) * (SIDE + 1))
+        .map(|v| format!(r#"<vertex x="{}" y="{}" z="0"/>"#, v % (SIDE + 1), v / (SIDE + 1)))
+        .collect();
+    let square = |at: usize| {
+        let a = at / SIDE * (SIDE + 1) + at % SIDE;
+        let (b, c, d) = (a + 1, a + SIDE + 2, a + SIDE + 1);
+        format!(r#"<triangle v1="{a}" v2="{b}" v3="{c}"/><triangle v1="{a}" v2="{c}" v3="{d}"/>"#)
+    };
+    let triangles: String = (0..SIDE * SIDE).map(square).collect();
+    let items = r#"<item objectid="7"/>"#.repeat(20_000);
+    let model = format!(
+        r#"<resources><object id="7"><mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh></object></resources>
+<build>{items}</build>"#
+    );
+    let config = r#"<config><object id="7"><volume firstid="0" lastid="9999"/>
+<volume firstid="10000" lastid="19999"><metadata key="volume_type" value="NegativeVolume"/></volume></object></config>"#;
+    let bytes = package(&model, &[(PRUSA, config)]);
+    let start = Instant::now();
+    let scene = scene_of(&bytes);
+    // Minutes, if it takes time for the triangles of each place.
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+    let found: Vec<_> = scene.meshes().iter().map(|m| (m.mesh.face_count(), m.instances)).collect();
+    assert_eq!(found, [(10_000, 20_000); 2], "all places share the meshes");
 }

@@ -50,6 +50,9 @@ type PartNumbers = HashMap<String, usize>;
 /// A part and the number of an object, a group or a texture in it.
 type Id = (usize, u32);
 
+/// The role of a volume of an object if it is not solid, and its mesh if it has triangles.
+type PlacedVolume = (Option<&'static str>, Option<usize>);
+
 /// Reads a file; returns its scene, and the coordinates of the file.
 pub(super) fn build(
     bytes: &[u8],
@@ -75,6 +78,7 @@ pub(super) fn build(
         parts,
         paths,
         meshes: HashMap::new(),
+        volumes: HashMap::new(),
         materials: HashMap::new(),
         textures: HashMap::new(),
         open: Vec::new(),
@@ -126,8 +130,10 @@ struct ThreeMfScene<'a> {
     /// The parts; the first one has the build.
     parts: Vec<Arc<Part>>,
     paths: HashMap<String, usize>,
-    /// Meshes of objects, and of volumes of objects; `None` for those without triangles.
-    meshes: HashMap<(Id, Option<usize>), Option<usize>>,
+    /// Meshes of objects; `None` for those without triangles.
+    meshes: HashMap<Id, Option<usize>>,
+    /// Volumes of objects of the first part; `None` for those that are one solid.
+    volumes: HashMap<u32, Option<Arc<[PlacedVolume]>>>,
     /// Materials by group, and by entry for groups that have a material for each.
     materials: HashMap<(Id, Option<u32>), Option<usize>>,
     textures: HashMap<Id, Option<usize>>,
@@ -222,33 +228,18 @@ impl ThreeMfScene<'_> {
         // A slicer that names the part decides what it is: several parts may share an object, which has one type.
         let is_hidden = said.is_none() && object.kind.is_some_and(|kind| kind != "surface");
         self.set_role(&mut node, said.flatten(), is_hidden);
-        let mut volumes = None;
-        match self.settings.volumes_of(place.object, object.triangles.len()) {
-            ObjectVolumes::Several(all) if part == 0 => volumes = Some(all.to_vec()),
-            ObjectVolumes::Unfit if part == 0 => self.scene.warn(Warning::lost(format!(
-                "ranges of parts of object {} do not fit its triangles: it is one solid, without settings",
-                place.object
-            ))),
-            _ => {}
-        }
         let mut children = Vec::new();
-        if let Some(volumes) = volumes {
-            let count = object.triangles.len();
-            if object.sets.iter().flat_map(|set| &set.ranges).any(|[_, last]| *last as usize >= count) {
-                self.scene.warn(Warning::lost(LOST_SETS));
-            }
-            self.check_triangles(id, object)?;
-            for (at, volume) in volumes.into_iter().enumerate() {
+        if let Some(volumes) = self.volumes(id, object)? {
+            for (at, &(role, mesh)) in volumes.iter().enumerate() {
                 self.take_node(&name())?;
-                let piece = piece_of(object, volume.first, volume.last);
                 let mut child = json!({ "extras": { OF_THREE_MF: { "volume": at } } });
-                self.set_role(&mut child, volume.role, false);
-                if let Some(mesh) = self.mesh(id, Some(at), &piece)? {
+                self.set_role(&mut child, role, false);
+                if let Some(mesh) = mesh {
                     child["mesh"] = mesh.into();
                 }
                 children.push(self.scene.add("nodes", child));
             }
-        } else if let Some(mesh) = self.mesh(id, None, object)? {
+        } else if let Some(mesh) = self.mesh(id, object)? {
             node["mesh"] = mesh.into();
         }
         let node = self.scene.add("nodes", node);
@@ -293,12 +284,57 @@ impl ThreeMfScene<'_> {
         Ok(())
     }
 
-    /// Returns the mesh of an object, or of a volume of one; `None` if it has no triangles.
-    fn mesh(&mut self, id: Id, volume: Option<usize>, object: &Object) -> Result<Option<usize>, ReadError> {
-        if let Some(&known) = self.meshes.get(&(id, volume)) {
+    /// Returns the volumes of an object, or `None` if it is one solid; they are made once for all places of it.
+    fn volumes(&mut self, id: Id, object: &Object) -> Result<Option<Arc<[PlacedVolume]>>, ReadError> {
+        // Settings name the objects of the first part.
+        if id.0 != 0 {
+            return Ok(None);
+        }
+        if let Some(known) = self.volumes.get(&id.1) {
+            return Ok(known.clone());
+        }
+        let all = match self.settings.volumes_of(id.1, object.triangles.len()) {
+            ObjectVolumes::One => None,
+            ObjectVolumes::Several(all) => Some(all.to_vec()),
+            ObjectVolumes::Unfit => {
+                self.scene.warn(Warning::lost(format!(
+                    "ranges of parts of object {} do not fit its triangles: it is one solid, without settings",
+                    id.1
+                )));
+                None
+            }
+        };
+        let mut made = None;
+        if let Some(all) = all {
+            let count = object.triangles.len();
+            if object.sets.iter().flat_map(|set| &set.ranges).any(|[_, last]| *last as usize >= count) {
+                self.scene.warn(Warning::lost(LOST_SETS));
+            }
+            self.check_triangles(id, object)?;
+            let mut volumes = Vec::with_capacity(all.len());
+            for volume in all {
+                let piece = piece_of(object, volume.first, volume.last);
+                volumes.push((volume.role, self.new_mesh(id, &piece)?));
+            }
+            made = Some(volumes.into());
+        }
+        self.volumes.insert(id.1, made.clone());
+        Ok(made)
+    }
+
+    /// Returns the mesh of an object; `None` if it has no triangles.
+    fn mesh(&mut self, id: Id, object: &Object) -> Result<Option<usize>, ReadError> {
+        if let Some(&known) = self.meshes.get(&id) {
             return Ok(known);
         }
         self.check_triangles(id, object)?;
+        let mesh = self.new_mesh(id, object)?;
+        self.meshes.insert(id, mesh);
+        Ok(mesh)
+    }
+
+    /// Adds the mesh of an object, or of a volume of it, whose triangles were checked.
+    fn new_mesh(&mut self, id: Id, object: &Object) -> Result<Option<usize>, ReadError> {
         let mut parts = MeshParts { name: object.name.clone(), ..MeshParts::default() };
         let resolved = self.resolve(id, object)?;
         let marks = Marks::new(object, &self.parts[id.0].clone());
@@ -327,7 +363,6 @@ impl ThreeMfScene<'_> {
             exact.sort_unstable();
             self.paint.insert(mesh, exact);
         }
-        self.meshes.insert((id, volume), mesh);
         Ok(mesh)
     }
 
