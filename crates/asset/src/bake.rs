@@ -1,10 +1,10 @@
 //! Baking the detail of one file into textures of another.
 
-use lodsmith_io::{ModelFile, ModelSource, ReadOptions, Warning};
+use lodsmith_io::{ModelFile, ReadOptions, Warning};
 use serde_json::{Value, json};
 
 use crate::asset::{Asset, Edit, read_model};
-use crate::baking::{Baking, lost_images};
+use crate::baking::Baking;
 use crate::constraints::PartNames;
 use crate::destination::Destination;
 use crate::error::AssetError;
@@ -44,7 +44,7 @@ pub fn bake(
     paths::at_most_one_stream([high, low])?;
     baking.refuse_streams(&to.sink)?;
     job.enter(Step::Read);
-    let mut detailed = read_model(high, reading, job).map_err(|why| why.of(high))?;
+    let detailed = read_model(high, reading, job).map_err(|why| why.of(high))?;
     let mut asset = Asset::read(low, reading, true, job)?;
     asset.become_scene(&PartNames::default(), &to.writing)?;
     let mut scene = asset.scene().expect("the asset is a scene").clone();
@@ -55,14 +55,7 @@ pub fn bake(
     lodsmith_bake::set_materials(&mut scene, &baked.materials);
     scene.drop_unused_materials();
     let mut warnings = asset.warnings().to_vec();
-    // Those of reading come first.
-    let of_reading = match &detailed.source {
-        ModelSource::Scene(scene) => scene.warnings().len(),
-        ModelSource::Mesh(loaded) => loaded.warnings.len(),
-        _ => 0,
-    };
-    let unread = detailed.warnings.split_off(of_reading);
-    warnings.extend(detailed.warnings.into_iter().chain(lost_images(unread)));
+    warnings.extend(detailed.warnings);
     warnings.append(&mut baked.warnings);
     let faces = baked.replaced.iter().flatten().map(|m| m.face_count()).sum();
     let edit = Edit {

@@ -56,11 +56,6 @@ pub struct MovedIntoMaps {
     materials: bool,
 }
 
-/// Takes the warnings of reading the detailed model: what was not read of it, such as an image, is not in the maps either.
-pub(crate) fn lost_images(unread: Vec<Warning>) -> impl Iterator<Item = Warning> {
-    unread.into_iter().map(|warning| Warning::lost(warning.text))
-}
-
 impl Baking {
     /// True if base colours are baked.
     pub(crate) fn has_color(&self) -> bool {

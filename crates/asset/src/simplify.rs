@@ -6,7 +6,7 @@ use lodsmith_io::{Format, ReadOptions, Sizes, Warning};
 use serde_json::{Value, json};
 
 use crate::asset::{Asset, Edit};
-use crate::baking::{BakedScene, Baking, lost_images};
+use crate::baking::{BakedScene, Baking};
 use crate::constraints::{self, PartNames};
 use crate::destination::{Destination, Writing};
 use crate::error::{AssetError, usage};
@@ -126,7 +126,8 @@ impl Edit {
         let (high, unread) = scene.model();
         let low = lodsmith_bake::model_with(&high, &self.meshes);
         let mut baked = baking.bake(&high, &low, &mut scene, job)?;
-        baked.warnings.splice(0..0, lost_images(unread));
+        // Maps show the model at rest: they lack its images that were not read, but not its animations.
+        baked.warnings.splice(0..0, unread.into_iter().filter(|warning| warning.data_lost));
         for (mesh, made) in self.meshes.iter_mut().zip(std::mem::take(&mut baked.replaced)) {
             if made.is_some() {
                 *mesh = made;

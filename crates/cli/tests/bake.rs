@@ -141,14 +141,18 @@ fn levels_share_the_maps_of_the_finest_or_have_their_own() {
     assert_eq!(materials(&sandbox, "new.glb"), (vec![(None, false), (first, true), (Some(1), true)], 2));
 }
 
-#[test]
-fn what_a_new_atlas_drops_counts_as_lost() {
-    let sandbox = CliSandbox::new();
+/// Puts wave.glb into a sandbox, and returns the JSON of it as a glTF file.
+fn wave_json(sandbox: &CliSandbox) -> serde_json::Value {
     let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
     fs::copy(wave, sandbox.path("wave.glb")).unwrap();
     sandbox.run("convert wave.glb wave.gltf").with_status(0);
-    let text = fs::read_to_string(sandbox.path("wave.gltf")).unwrap();
-    let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    serde_json::from_str(&fs::read_to_string(sandbox.path("wave.gltf")).unwrap()).unwrap()
+}
+
+#[test]
+fn what_a_new_atlas_drops_counts_as_lost() {
+    let sandbox = CliSandbox::new();
+    let mut json = wave_json(&sandbox);
     json["extensionsUsed"] = serde_json::json!(["KHR_materials_clearcoat"]);
     json["materials"] =
         serde_json::json!([{"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}]);
@@ -186,11 +190,7 @@ fn a_run_bakes_what_it_loses_and_nothing_counts_as_lost() {
 #[test]
 fn an_image_that_is_not_read_is_lost_in_maps() {
     let sandbox = CliSandbox::new();
-    let wave = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/wave.glb");
-    fs::copy(wave, sandbox.path("wave.glb")).unwrap();
-    sandbox.run("convert wave.glb wave.gltf").with_status(0);
-    let text = fs::read_to_string(sandbox.path("wave.gltf")).unwrap();
-    let mut json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut json = wave_json(&sandbox);
     json["images"] = serde_json::json!([{"uri": "data:image/ktx2;base64,q0tUWCAyMLsNChoK"}]);
     json["textures"] = serde_json::json!([{"source": 0}]);
     json["materials"] = serde_json::json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
@@ -205,6 +205,26 @@ fn an_image_that_is_not_read_is_lost_in_maps() {
         let outcome = sandbox.run(&format!("{command} {options}")).with_status(3);
         let said = "image 0 is a KTX2 image, which is not supported";
         assert!(outcome.stderr.contains(said), "{command}: {}", outcome.stderr);
+    }
+}
+
+/// A map of a model at rest loses nothing by an animation that is not shown.
+#[test]
+fn an_animation_that_is_not_read_is_not_lost_in_maps() {
+    let sandbox = CliSandbox::new();
+    let mut json = wave_json(&sandbox);
+    json["animations"] = serde_json::json!([{
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}],
+        "samplers": [{"input": 0, "output": 0}],
+    }]);
+    sandbox.put("moved.gltf", &json.to_string());
+    assert!(sandbox.run("render moved.gltf -o out.png").with_status(0).stderr.contains("animation channels"));
+    for command in [
+        "simplify moved.gltf --ratio 0.5 --bake normal -o out.glb",
+        "lod moved.gltf --levels 0.5 --bake normal -o out.glb",
+        "bake moved.gltf wave.glb --maps normal -o out.glb",
+    ] {
+        sandbox.run(&format!("{command} --atlas new --texture-size 32 --strict --force")).with_status(0);
     }
 }
 

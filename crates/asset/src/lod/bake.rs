@@ -5,7 +5,7 @@ use lodsmith_core::TriMesh;
 use lodsmith_io::Warning;
 use lodsmith_io::gltf::Scene;
 
-use crate::baking::{Baking, SideFile, lost_images};
+use crate::baking::{Baking, SideFile};
 use crate::error::AssetError;
 use crate::job::Job;
 
@@ -33,7 +33,8 @@ pub(super) fn bake_levels(
     baking.options.is_same_model = true;
     let mut all = BakedLevels::default();
     let (high, unread) = scene.model();
-    all.warnings.extend(lost_images(unread));
+    // Maps show the model at rest: they lack its images that were not read, but not its animations.
+    all.warnings.extend(unread.into_iter().filter(|warning| warning.data_lost));
     let levels = replaced.len();
     for k in 1..levels {
         let low = lodsmith_bake::model_with(&high, &replaced[k]);

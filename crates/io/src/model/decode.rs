@@ -45,7 +45,8 @@ impl ImageQueue {
         self.registered[number]
     }
 
-    /// Decodes the registered images for display. Textures whose images cannot be decoded are removed from the materials.
+    /// Decodes the registered images for display. Textures whose images cannot be decoded are removed from the materials:
+    /// what is made from the model, such as a picture or baked maps, lacks them.
     ///
     /// `fits` may refuse an image for a slot, by the index of the slot in [`Material::textures_mut`].
     pub(crate) fn decode<'a>(
@@ -57,7 +58,7 @@ impl ImageQueue {
     ) -> (Vec<Arc<Image>>, Vec<Warning>) {
         let (images, missing) = self.decode_within(max_pixels(limits), materials, encoded, fits);
         let text = |Missing { number, why }| format!("image {number} {why}: surfaces are shown without it");
-        (images, summarize_warnings(missing.into_iter().map(text).collect()))
+        (images, summarize_warnings(missing.into_iter().map(text).collect(), Warning::lost))
     }
 
     /// Decodes the registered images for a run, which keeps their colours in place. Warns of images that are too large
@@ -74,7 +75,7 @@ impl ImageQueue {
         let too_large = |m: &Missing| matches!(m.why, NoImage::TooLarge(..));
         let text =
             |Missing { number, why }| format!("image {number} {why}: its colors are not kept in place");
-        (images, summarize_warnings(missing.into_iter().filter(too_large).map(text).collect()))
+        (images, summarize_warnings(missing.into_iter().filter(too_large).map(text).collect(), Warning::note))
     }
 
     fn decode_within<'a>(
@@ -160,7 +161,7 @@ pub(crate) fn decode_image(encoded: EncodedImage<'_>, limits: Limits) -> Result<
 }
 
 /// Returns the first few texts as warnings, and a count of the others.
-fn summarize_warnings(mut texts: Vec<String>) -> Vec<Warning> {
+fn summarize_warnings(mut texts: Vec<String>, warning: fn(String) -> Warning) -> Vec<Warning> {
     // A longer list would not help. Guessed.
     const MAX_WARNINGS: usize = 16;
     let more = texts.len().saturating_sub(MAX_WARNINGS);
@@ -168,7 +169,7 @@ fn summarize_warnings(mut texts: Vec<String>) -> Vec<Warning> {
     if more > 0 {
         texts.push(format!("{more} more images cannot be shown"));
     }
-    texts.into_iter().map(Warning::note).collect()
+    texts.into_iter().map(warning).collect()
 }
 
 /// An image whose size fits the limits.
