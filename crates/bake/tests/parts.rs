@@ -177,3 +177,59 @@ fn options_out_of_range_and_bakes_above_the_memory_limit_are_refused() {
     let too_much = refused(&|o| o.memory = 20 << 20);
     assert!(too_much.contains("baking would take about 22.") && too_much.contains("20.00 MiB"), "{too_much}");
 }
+
+/// Returns triangles that share no vertices, each a chart of its own.
+fn scattered(count: usize) -> Model {
+    let mut positions = Vec::new();
+    for i in 0..count {
+        let (x, y) = ((i % 256) as f64, (i / 256) as f64);
+        let side = 0.4 + 0.4 * (i % 7) as f64 / 7.0;
+        positions.extend([[x, y, 0.0], [x + side, y, 0.0], [x, y + side, 0.0]]);
+    }
+    let triangles = (0..count).map(|i| [0, 1, 2].map(|k| VertexId::new(3 * i + k)));
+    Model::of_mesh(TriMesh::new(Positions::F64(positions), triangles.collect::<Vec<_>>()).unwrap())
+}
+
+/// Fault C7: dozens of densities were tried for charts that are more than a map has room for.
+#[test]
+fn more_charts_than_a_map_has_room_for_are_refused_before_they_are_packed() {
+    let model = scattered(2_000);
+    let mut options = BakeOptions::new([MapKind::Occlusion]);
+    (options.size, options.atlas) = (Some(64), AtlasMode::New);
+    let mut calls = Calls::default();
+    let e = bake(&model, &model, &options, &mut calls).expect_err("64 texels squared are 4,096").to_string();
+    assert!(e.contains("2000 charts need 9 texels each or more") && e.contains("--texture-size"), "{e}");
+    // One for each chart, few for the stages, and none for packing.
+    assert!((2_000..2_100).contains(&calls.0), "{}", calls.0);
+}
+
+/// Thousands of charts took minutes.
+#[test]
+fn very_many_charts_are_packed_in_rows() {
+    let model = scattered(20_000);
+    let mut options = BakeOptions::new([MapKind::Occlusion]);
+    (options.size, options.atlas, options.rays) = (Some(512), AtlasMode::New, 1);
+    let baked = bake(&model, &model, &options, &mut NoControl).unwrap();
+    let mesh = baked.meshes[0].as_ref().unwrap();
+    let uvs = mesh.uvs().unwrap();
+    // No two charts are in one texel.
+    let mut texels: Vec<[i32; 2]> = Vec::new();
+    for wedges in mesh.triangles() {
+        let centre = |k: usize| wedges.iter().map(|w| uvs[w.index()][k]).sum::<f32>() / 3.0;
+        texels.push([0, 1].map(|k| (centre(k) * 512.0) as i32));
+    }
+    texels.sort_unstable();
+    texels.dedup();
+    assert_eq!(texels.len(), 20_000);
+}
+
+/// Counts the calls while the texture coordinates are made.
+#[derive(Default)]
+struct Calls(usize);
+
+impl lodsmith::Control for Calls {
+    fn progress(&mut self, done: f64) -> lodsmith::Verdict {
+        self.0 += usize::from(done == 0.05);
+        lodsmith::Verdict::Continue
+    }
+}
