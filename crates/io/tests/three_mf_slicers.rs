@@ -589,3 +589,24 @@ fn volumes_are_made_once_for_all_places() {
     let found: Vec<_> = scene.meshes().iter().map(|m| (m.mesh.face_count(), m.instances)).collect();
     assert_eq!(found, [(10_000, 20_000); 2], "all places share the meshes");
 }
+
+#[test]
+fn objects_and_files_that_nothing_uses_are_named() {
+    let resources = format!(
+        "{}{}{}",
+        object(1, "", &[""; 4], ""),
+        object(2, "", &[""; 4], ""),
+        object(3, "", &[""; 4], "")
+    );
+    let model = format!(r#"<resources>{resources}</resources><build><item objectid="2"/></build>"#);
+    let used = package(&model, &[("Metadata/a.txt", "a"), ("./Metadata/b.txt", "b")]);
+    let scene = scene_of(&used);
+    assert_eq!(losses(scene.warnings()), ["2 objects with triangles are not in the build: dropped"]);
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(part(&bytes, "Metadata/b.txt").or(part(&bytes, "./Metadata/b.txt")).as_deref(), Some("b"));
+    let model = model.replace("</build>", r#"<item objectid="1"/><item objectid="3"/></build>"#);
+    let unused = package(&model, &[("docProps/core.xml", "<a/>"), ("Notes/note.txt", "n")]);
+    let scene = scene_of(&unused);
+    let text = "no part of the model uses 2 files (docprops/core.xml first): dropped";
+    assert_eq!(losses(scene.warnings()), [text]);
+}

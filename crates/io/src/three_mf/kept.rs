@@ -129,10 +129,10 @@ impl KeptContents {
     }
 }
 
-/// Returns the name of a part without its leading slash, in lower case, with blanks for `%20` and slashes for
+/// Returns the name of a part without its leading slash or `./`, in lower case, with blanks for `%20` and slashes for
 /// backslashes: programs differ in whether they encode the names in the archive, in references to them, or both.
 pub(super) fn name_of(path: &str) -> String {
     let decoded = percent_decoded(path).and_then(|bytes| String::from_utf8(bytes).ok());
     let path = decoded.unwrap_or_else(|| path.to_owned()).replace('\\', "/");
-    path.trim_start_matches('/').to_ascii_lowercase()
+    path.trim_start_matches("./").trim_start_matches('/').to_ascii_lowercase()
 }

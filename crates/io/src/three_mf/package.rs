@@ -24,6 +24,7 @@ const THUMBNAIL: &str = "/metadata/thumbnail";
 const KEPT_FOLDERS: [&str; 2] = ["metadata/", "auxiliaries/"];
 /// Folders of the parts that the writer makes.
 const OWN_FOLDERS: [&str; 3] = ["3d/", "_rels/", "[content_types]"];
+const CONTENT_TYPES: &str = "[content_types].xml";
 /// Usual name of the first model part.
 const USUAL_MODEL: &str = "3d/3dmodel.model";
 
@@ -32,6 +33,8 @@ pub(super) struct Package<'a> {
     archive: ZipArchive<Cursor<&'a [u8]>>,
     /// Entries by their names in lower case: case does not matter.
     names: BTreeMap<String, usize>,
+    /// Those that were read.
+    read: HashSet<usize>,
     /// Relations of the archive: type and target.
     relations: Vec<(String, String)>,
     packed: u64,
@@ -52,12 +55,13 @@ impl<'a> Package<'a> {
         }
         let (packed, limit) = (bytes.len() as u64, limits.max_unpacked_bytes(bytes.len()));
         let relations = Vec::new();
-        Ok(Self { archive, names, relations, packed, limit, unpacked: 0, limits })
+        Ok(Self { archive, names, read: HashSet::new(), relations, packed, limit, unpacked: 0, limits })
     }
 
     /// Returns the bytes of a part; `None` if there is no part of this name.
     pub(super) fn part(&mut self, path: &str) -> Result<Option<Vec<u8>>, ReadError> {
         let Some(&index) = self.names.get(&name_of(path)) else { return Ok(None) };
+        self.read.insert(index);
         let file = self.archive.by_index(index).map_err(|e| damaged(path, &e))?;
         if file.encrypted() {
             return Err(ReadError::Unsupported(format!("{} is encrypted: it is not read", excerpt(path))));
@@ -110,8 +114,22 @@ impl<'a> Package<'a> {
         if self.names.keys().any(|name| thumbnails.contains(name) && !is_kept(name)) {
             warn(Warning::lost("a thumbnail among the parts of the model is not kept"));
         }
-        let names: Vec<(String, usize)> =
-            self.names.iter().filter(|(name, _)| is_kept(name)).map(|(n, i)| (n.clone(), *i)).collect();
+        let (kept_names, others): (Vec<_>, Vec<_>) = self.names.iter().partition(|(name, _)| is_kept(name));
+        let names: Vec<(String, usize)> = kept_names.into_iter().map(|(n, i)| (n.clone(), *i)).collect();
+        // Folders, relations and types are made anew.
+        let is_made = |name: &str| {
+            name.ends_with('/')
+                || name.contains("_rels/")
+                || name == CONTENT_TYPES
+                || thumbnails.contains(name)
+        };
+        let mut others =
+            others.into_iter().filter(|(name, index)| !self.read.contains(index) && !is_made(name));
+        if let Some((first, _)) = others.next() {
+            let files = counted(others.count() + 1, "file", "files");
+            let first = excerpt(first);
+            warn(Warning::lost(format!("no part of the model uses {files} ({first} first): dropped")));
+        }
         let mut sliced = 0;
         for (name, index) in names {
             if name.ends_with(".gcode") || name.ends_with(".gcode.md5") {
@@ -149,7 +167,7 @@ impl<'a> Package<'a> {
         let names: HashSet<String> = kept.files.iter().map(|(path, _)| name_of(path)).collect();
         let relations = self.relations.iter().filter(|(_, target)| names.contains(&name_of(target)));
         kept.relations = relations.cloned().collect();
-        if let Ok(Some(text)) = self.part("[content_types].xml") {
+        if let Ok(Some(text)) = self.part(CONTENT_TYPES) {
             // Types that cannot be read are those of no part.
             let _ = parse_events("[Content_Types].xml", &utf8_of(&text), |event, _| {
                 if let Event::Start(e) | Event::Empty(e) = event
