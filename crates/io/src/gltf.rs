@@ -122,7 +122,7 @@ fn merged_built(mut built: BuiltScene, size: usize, found_in: (Assets, Limits)) 
     let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
     let mut loaded = merged(built.parts.document(), size, format, &built.source_vertices, found_in)?;
     loaded.warnings.splice(0..0, warnings);
-    loaded.warnings.extend(built.beside.iter().filter_map(|beside| beside.file_losses()));
+    loaded.warnings.extend(built.kept.iter().filter_map(|kept| kept.file_losses()));
     Ok(loaded)
 }
 

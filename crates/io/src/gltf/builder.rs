@@ -22,8 +22,8 @@ pub(crate) struct BuiltScene {
     pub(super) format: Format,
     /// The vertex in the source of each glTF vertex, by accessor of positions, for meshes whose vertices were split.
     pub(super) source_vertices: BTreeMap<usize, Vec<u32>>,
-    /// What a 3MF file has beside its scene.
-    pub(crate) beside: Option<Arc<KeptContents>>,
+    /// Contents of a 3MF file that the scene does not hold.
+    pub(crate) kept: Option<Arc<KeptContents>>,
 }
 
 /// The vertices of a mesh, and its triangles by material.
@@ -228,7 +228,7 @@ impl SceneBuilder {
             self.warn(warning);
         }
         let Self { json, source_vertices, warnings, format, .. } = self;
-        BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices, beside: None }
+        BuiltScene { parts: FileParts { json, bytes, warnings }, format, source_vertices, kept: None }
     }
 }
 

@@ -51,7 +51,7 @@ impl Scene {
         let skins = motion::skins(&self.json, &buffers, &mut budget, &mut warnings);
         let mut model = self.placed_meshes(&buffers, materials, &skins, &mut budget, &mut warnings);
         model.skins = skins.all;
-        if self.beside().is_some() {
+        if self.kept().is_some() {
             // Hidden nodes are what a slicer does not print: they are written as such.
             for (node, v) in model.nodes.iter_mut().zip(list(&self.json, "nodes")) {
                 node.mesh = node.mesh.or(number(&v["mesh"]).filter(|&m| m < model.meshes.len()));

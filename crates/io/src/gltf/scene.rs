@@ -50,8 +50,8 @@ pub struct Scene {
     format: Format,
     /// See [`BuiltScene::source_vertices`]; for 3MF, in which vertex indices decide which triangles are neighbours.
     source_vertices: Option<Arc<BTreeMap<usize, Vec<u32>>>>,
-    /// What a 3MF file has beside its scene.
-    beside: Option<Arc<KeptContents>>,
+    /// Contents of a 3MF file that the scene does not hold.
+    kept: Option<Arc<KeptContents>>,
     /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
     /// Location of images in separate files.
@@ -164,7 +164,7 @@ impl Scene {
         let (format, warnings) = (built.format, std::mem::take(&mut built.parts.warnings));
         let mut scene = Self::of_document(built.parts.document(), size, format, options)?;
         scene.warnings.splice(0..0, warnings);
-        scene.beside = built.beside;
+        scene.kept = built.kept;
         scene.source_vertices = (format == Format::ThreeMf).then(|| Arc::new(built.source_vertices));
         Ok(scene)
     }
@@ -233,7 +233,7 @@ impl Scene {
             warnings,
             format,
             source_vertices: None,
-            beside: None,
+            kept: None,
             unpacked,
             assets,
             limits,
@@ -344,7 +344,7 @@ impl Scene {
     ) -> io::Result<Written> {
         let to = to.into();
         let mut parts = self.parts(&self.json, replaced, to, relink)?;
-        parts.warnings.extend(self.beside().into_iter().flat_map(|beside| beside.losses(&self.json)));
+        parts.warnings.extend(self.kept().into_iter().flat_map(|kept| kept.losses(&self.json)));
         pack::write(parts, to, out)
     }
 
@@ -379,7 +379,7 @@ impl Scene {
         let to = to.into();
         let mut parts = self.parts(&json, &replaced, to, relink)?;
         parts.warnings.splice(0..0, losses.warnings());
-        parts.warnings.extend(self.beside().into_iter().flat_map(|beside| beside.losses(&self.json)));
+        parts.warnings.extend(self.kept().into_iter().flat_map(|kept| kept.losses(&self.json)));
         pack::write(parts, to, out)
     }
 
@@ -419,7 +419,7 @@ impl Scene {
             parts,
             format: Format::Glb,
             source_vertices: BTreeMap::new(),
-            beside: self.beside.clone(),
+            kept: self.kept.clone(),
         };
         merged_built(built, size, (self.assets.clone(), self.limits))
     }
@@ -505,7 +505,7 @@ impl Scene {
     pub(crate) fn lost_beside_nodes(&self) -> Vec<Warning> {
         let nodes = PlacedNodes::new(&self.json).map(|nodes| nodes.or_all_meshes(&self.json));
         let mut placed = nodes.map_or_else(|_| Vec::new(), |nodes| nodes.placements);
-        if self.beside.is_some() {
+        if self.kept.is_some() {
             // What a slicer does not print is hidden in the scene, and written as what it is.
             placed.iter_mut().for_each(|place| place.is_hidden = false);
         }
@@ -513,8 +513,8 @@ impl Scene {
     }
 
     /// Returns what a 3MF file has beside its scene; `None` for a scene of another format.
-    pub(crate) fn beside(&self) -> Option<&KeptContents> {
-        self.beside.as_deref()
+    pub(crate) fn kept(&self) -> Option<&KeptContents> {
+        self.kept.as_deref()
     }
 
     /// Returns what only 3MF has of a node; null for nothing.

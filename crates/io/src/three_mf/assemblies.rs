@@ -37,7 +37,7 @@ pub(super) struct ObjectPlace {
     volume: Option<usize>,
 }
 
-/// What a 3MF file said of an object.
+/// Properties of an object in the 3MF file that was read.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct ObjectFacts {
     /// Its type, if that is not `model`.

@@ -95,7 +95,7 @@ pub(super) fn build(
     kept.paint = builder.paint;
     kept.objects = builder.placed;
     let mut built = builder.scene.finish(&roots);
-    built.beside = Some(Arc::new(kept));
+    built.kept = Some(Arc::new(kept));
     Ok((built, frame))
 }
 

@@ -66,7 +66,7 @@ const MATERIALS: usize = 1;
 const DISPLAY: usize = 2;
 const FIRST_TEXTURE: usize = 3;
 
-/// What is written before the resources.
+/// Metadata of the model, which come before its resources.
 pub(super) struct ModelHeader<'a> {
     pub(super) metadata: &'a [(String, String)],
     /// Namespaces of prefixes that names of metadata have.

@@ -1,4 +1,4 @@
-//! What is kept from one 3MF file to another beside its scene: settings, thumbnails, and what refers to them.
+//! Contents that one 3MF file gets from another beside the scene: settings, thumbnails, and references to them.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -11,7 +11,7 @@ use super::xml::escaped;
 use crate::error::Warning;
 use crate::gltf::percent_decoded;
 
-/// The name in `extras` of nodes and primitives of what only 3MF has.
+/// The name in `extras` of nodes and primitives under which the data are that only 3MF has.
 pub(crate) const OF_THREE_MF: &str = "3mf";
 
 /// The content type of files of which nothing is known.

@@ -53,7 +53,7 @@ pub(super) struct TriangleProperty {
     pub(super) corners: [u32; 3],
 }
 
-/// What a slicer painted on a triangle.
+/// Paint of a slicer on a triangle.
 #[derive(Clone, Copy)]
 pub(super) struct PaintOfTriangle {
     pub(super) triangle: u32,

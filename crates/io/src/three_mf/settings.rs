@@ -11,7 +11,7 @@ use quick_xml::events::{BytesStart, Event};
 use super::model::{attribute, parse_events, required_number};
 use crate::error::ReadError;
 
-/// What a slicer does with a part that is not solid: the words of PrusaSlicer and of BambuStudio, and ours.
+/// Roles of parts that are not solid, in the words of PrusaSlicer, of BambuStudio and ours.
 const ROLES: [(&str, &str, &str); 4] = [
     ("NegativeVolume", "negative_part", "negative part"),
     ("ParameterModifier", "modifier_part", "modifier"),
@@ -234,7 +234,7 @@ pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<
     }
 }
 
-/// What becomes of an element.
+/// The change of an element.
 enum ElementChange {
     None,
     Gone,

@@ -58,7 +58,7 @@ pub(super) fn write(mesh: &TriMesh, options: &WriteOptions, out: &mut dyn Write)
     let (name, marks) = (String::new(), Vec::new());
     let object = MeshObject { name, mesh, of_region, sources: None, marks, paint: &[] };
     let placed = Assemblies::of_mesh(frame);
-    Ok(write_objects(looks, &[Some(object)], &placed, &BesideObjects::default(), warnings, out)?.0)
+    Ok(write_objects(looks, &[Some(object)], &placed, (&[], &KeptContents::default()), warnings, out)?.0)
 }
 
 /// Writes a scene with some meshes replaced: an object for each mesh.
@@ -70,8 +70,9 @@ pub(super) fn write_scene(
 ) -> io::Result<Written> {
     let (model, mut warnings) = scene.encoded_model(replaced);
     let mesh_of = |i: usize| &*model.meshes[i].mesh;
-    let beside = scene.beside();
-    let is_project = beside.is_some_and(|beside| beside.is_project);
+    let none = KeptContents::default();
+    let kept = scene.kept().unwrap_or(&none);
+    let is_project = kept.is_project;
     let has_faces = |i: usize| mesh_of(i).face_count() > 0;
     let placed = Assemblies::new(&model, has_faces, |node| scene.node_of_three_mf(node), is_project);
     warnings.extend(scene.lost_beside_nodes());
@@ -106,13 +107,9 @@ pub(super) fn write_scene(
         let is_as_read = scene.meshes().get(mesh).is_some_and(|read| std::ptr::eq(own, &*read.mesh));
         let sources = if is_as_read { scene.source_vertices(mesh) } else { None };
         let mut paint: &[ExactPaint] = &[];
-        if let Some(exact) = beside.and_then(|beside| beside.paint.get(&mesh)) {
-            let is_same = |read: &TriMesh| {
-                let same = |(a, b): ([f64; 3], [f64; 3])| a.map(f64::to_bits) == b.map(f64::to_bits);
-                read.triangles() == own.triangles()
-                    && read.positions().len() == own.positions().len()
-                    && read.positions().view().iter().zip(own.positions().view().iter()).all(same)
-            };
+        if let Some(exact) = kept.paint.get(&mesh) {
+            let is_same =
+                |read: &TriMesh| read.triangles() == own.triangles() && read.positions() == own.positions();
             match is_as_read || scene.meshes().get(mesh).is_some_and(|read| is_same(&read.mesh)) {
                 true => paint = exact,
                 false => coarse += exact.chunk_by(|a, b| a.0 == b.0).count(),
@@ -129,8 +126,7 @@ pub(super) fn write_scene(
     let encoded = |image| scene.encoded_image(image, &mut left);
     let looks = Looks::of_model(&model.materials, &used, encoded, &mut warnings);
     let metadata = if is_project { scene.description() } else { metadata(scene, &mut warnings) };
-    let kept = BesideObjects { metadata, beside };
-    let (warnings, sizes) = write_objects(looks, &objects, &placed, &kept, warnings, out)?;
+    let (warnings, sizes) = write_objects(looks, &objects, &placed, (&metadata, kept), warnings, out)?;
     Ok(Written { sizes: Some(sizes), ..Written::new(warnings) })
 }
 
@@ -148,19 +144,12 @@ fn metadata(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<(String, String)>
     kept
 }
 
-/// What is written beside the objects.
-#[derive(Default)]
-struct BesideObjects<'a> {
-    metadata: Vec<(String, String)>,
-    beside: Option<&'a KeptContents>,
-}
-
 /// Writes the archive; adds to the warnings. Also returns the sizes of the placed objects.
 fn write_objects(
     mut looks: Looks,
     objects: &[Option<MeshObject<'_>>],
     placed: &Assemblies,
-    kept: &BesideObjects<'_>,
+    (metadata, kept): (&[(String, String)], &KeptContents),
     mut warnings: Vec<Warning>,
     out: &mut dyn Write,
 ) -> io::Result<(Vec<Warning>, Sizes)> {
@@ -176,18 +165,16 @@ fn write_objects(
         warnings.push(Warning::note("3MF holds colours as bytes: they are rounded"));
     }
     let mut zip: Archive<'_> = ZipWriter::new_stream(out);
-    let none = KeptContents::default();
-    let beside = kept.beside.unwrap_or(&none);
-    let files: Vec<&(String, Vec<u8>)> = beside.files_for(placed.has_known_ids, &mut warnings);
+    let files: Vec<&(String, Vec<u8>)> = kept.files_for(placed.has_known_ids, &mut warnings);
     start(&mut zip, "[Content_Types].xml", 0)?;
-    zip.write_all(beside.content_types(TYPES, &files).as_bytes())?;
+    zip.write_all(kept.content_types(TYPES, &files).as_bytes())?;
     start(&mut zip, "_rels/.rels", 0)?;
     let own = [(MODEL_TYPE.to_owned(), "/3D/3dmodel.model".to_owned())];
-    zip.write_all(relations(own.iter().chain(beside.relations_to(&files))).as_bytes())?;
+    zip.write_all(relations(own.iter().chain(kept.relations_to(&files))).as_bytes())?;
     // A triangle with properties, or a vertex, takes less than this as text.
     let elements: usize = all().map(|o| o.mesh.face_count() + o.mesh.wedge_count()).sum();
     start(&mut zip, "3D/3dmodel.model", 128 * elements)?;
-    let header = ModelHeader { metadata: &kept.metadata, namespaces: beside.namespaces_of(&kept.metadata) };
+    let header = ModelHeader { metadata, namespaces: kept.namespaces_of(metadata) };
     let (skipped, written) = document.write(placed, &header, &mut TextOut::new(&mut zip))?;
     let pictures: Vec<usize> = document.used_pictures().into_iter().collect();
     if !pictures.is_empty() {
@@ -201,7 +188,7 @@ fn write_objects(
             zip.write_all(bytes)?;
         }
     }
-    let is_gone = beside.objects.iter().any(|&object| !written.has(object));
+    let is_gone = kept.objects.iter().any(|&object| !written.has(object));
     let (kept_files, left_out): (Vec<_>, Vec<_>) =
         files.into_iter().partition(|(path, _)| !(is_gone && counts_objects(path)));
     if let Some((path, _)) = left_out.first() {

@@ -48,7 +48,7 @@ pub(super) struct PackedStream {
     /// Encoded by the filter, if there is one.
     pub(super) bytes: Vec<u8>,
     pub(super) filter: Filter,
-    /// Whether the accessor has the least and largest values of each component. Such a stream has no filter.
+    /// True if the accessor has the least and largest values of each component. Such a stream has no filter.
     pub(super) has_bounds: bool,
 }
 
