@@ -58,38 +58,33 @@ pub(crate) fn unwrap(
     let cells = size.min(MAX_CELLS);
     let mut pad = (padding(size) * cells).div_ceil(size) as u32;
     let mut packing = Packing::Shape;
+    // A larger map has no more cells than that.
+    let advice = if size < MAX_CELLS { "use a larger --texture-size" } else { "keep fewer faces" };
     loop {
         let density = Density::Auto { page_size: cells as u32 };
         let options = Options { density, padding: pad, packing, ..Options::default() };
         let input = MeshInput::new(&positions, &indices);
-        // What follows is asked when the charts are known, since packing takes the most time.
-        let (charts, fits) = (AtomicUsize::new(0), AtomicBool::new(true));
+        // The number of charts is known before they are packed, which takes the most time.
+        let (charts, is_suited) = (AtomicUsize::new(0), AtomicBool::new(true));
         let made = generate_with_progress(&[input], &options, |progress| {
             let mut goes_on = proceed();
             if progress.stage == Stage::Parameterizing {
                 // It is called once for each chart.
                 let count = charts.fetch_add(1, Ordering::Relaxed) + 1;
-                if progress.total == Some(progress.done) && needs_change(count, cells, pad, packing) {
-                    fits.store(false, Ordering::Relaxed);
+                let is_last = progress.total == Some(progress.done);
+                if is_last && suited_to(count, cells, pad) != Some((pad, packing)) {
+                    is_suited.store(false, Ordering::Relaxed);
                     goes_on = false;
                 }
             }
             goes_on
         });
-        if !fits.into_inner() {
+        if !is_suited.into_inner() {
             let charts = charts.into_inner();
-            if charts > room(cells, 1) {
-                let least = area_of_chart(1);
-                return Err(failed(format!(
-                    "its {charts} charts need {least} texels each or more; use a larger --texture-size"
-                )));
-            }
-            while charts > room(cells, pad) {
-                pad /= 2;
-            }
-            if charts > MANY_CHARTS {
-                packing = Packing::Fast;
-            }
+            (pad, packing) = suited_to(charts, cells, pad).ok_or_else(|| {
+                let least = area_of_chart(1) * size * size / (cells * cells);
+                failed(format!("its {charts} charts need {least} texels each or more; {advice}"))
+            })?;
             continue;
         }
         match made {
@@ -97,20 +92,18 @@ pub(crate) fn unwrap(
             Err(Error::Cancelled) => return Err(BakeError::Cancelled),
             // Many small charts: less padding between them may be enough.
             _ if pad > 1 => pad /= 2,
-            Ok(_) => return Err(failed("its charts do not fit; use a larger --texture-size".to_owned())),
-            Err(e) => return Err(failed(format!("{e}; use a larger --texture-size"))),
+            Ok(_) => return Err(failed(format!("its charts do not fit; {advice}"))),
+            Err(e) => return Err(failed(format!("{e}; {advice}"))),
         }
     }
 }
 
-/// True if charts cannot fit with this padding, or take too long to pack.
-fn needs_change(charts: usize, cells: usize, pad: u32, packing: Packing) -> bool {
-    charts > room(cells, pad) || (charts > MANY_CHARTS && packing != Packing::Fast)
-}
-
-/// Returns the number of charts above which they cannot fit into a map of `cells` × `cells`.
-fn room(cells: usize, pad: u32) -> usize {
-    cells * cells / area_of_chart(pad)
+/// Returns the padding, at most `pad`, and the packing for a number of charts on a map of `cells` × `cells`; `None` if they
+/// cannot fit.
+fn suited_to(charts: usize, cells: usize, pad: u32) -> Option<(u32, Packing)> {
+    let mut halves = std::iter::successors(Some(pad), |pad| (*pad > 1).then_some(pad / 2));
+    let pad = halves.find(|&pad| charts.saturating_mul(area_of_chart(pad)) <= cells * cells)?;
+    Some((pad, if charts > MANY_CHARTS { Packing::Fast } else { Packing::Shape }))
 }
 
 /// Returns the least number of cells of a chart with the padding around it.

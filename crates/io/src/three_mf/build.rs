@@ -557,14 +557,14 @@ impl ThreeMfScene<'_> {
 
     /// Adds warnings about content that is dropped.
     fn warn(&mut self) {
-        let has_triangles = |(id, object): &(Id, &Object)| {
+        let is_left_out = |(id, object): &(Id, &Object)| {
             let is_placed = self.meshes.contains_key(id) || (id.0 == 0 && self.volumes.contains_key(&id.1));
             !is_placed && !object.triangles.is_empty()
         };
         let all = self.parts.iter().enumerate();
         let objects =
             all.flat_map(|(at, part)| part.objects.iter().map(move |(number, o)| ((at, *number), o)));
-        let unplaced = objects.filter(has_triangles).count();
+        let unplaced = objects.filter(is_left_out).count();
         if unplaced > 0 {
             let objects = counted(unplaced, "object with triangles is", "objects with triangles are");
             self.scene.warn(Warning::lost(format!("{objects} not in the build: dropped")));
