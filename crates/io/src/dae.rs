@@ -9,6 +9,7 @@ mod document;
 mod geometry;
 mod materials;
 mod nodes;
+mod tree;
 
 use crate::error::ReadError;
 use crate::gltf::{BuiltScene, read_built};

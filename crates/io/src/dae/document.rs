@@ -1,20 +1,12 @@
-//! The XML tree, and access to its elements.
+//! The text of a file, and access to its elements.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-use roxmltree::{Document, Node, ParsingOptions};
-
+use super::tree::DaeElement;
 use crate::error::{ReadError, Warning};
 use crate::excerpt::{excerpt, excerpt_of_bytes};
-use crate::limits::Limits;
 use crate::numbers::{parse_decimal, parse_non_number};
-
-/// An element.
-pub(super) type DaeElement<'a> = Node<'a, 'a>;
-
-/// Bytes of memory of a node of the tree, with its attributes. (Measured: 72, and 48 for each attribute.)
-const BYTES_PER_NODE: u64 = 256;
 
 /// Returns the bytes as text, in the encoding that the XML declares; UTF-8 if it declares none.
 ///
@@ -64,25 +56,6 @@ fn windows_1252(byte: u8) -> char {
     }
 }
 
-/// Parses a text. There may be no document type, so no entity but the five of XML is ever expanded.
-pub(super) fn parse(text: &str, limits: Limits) -> Result<Document<'_>, ReadError> {
-    // An element has at least four bytes.
-    let nodes = memchr::memchr_iter(b'<', text.as_bytes()).count() as u64 * 2;
-    let need = (text.len() as u64).saturating_mul(4).saturating_add(nodes.saturating_mul(BYTES_PER_NODE));
-    limits.check_memory("reading COLLADA", need)?;
-    let options = ParsingOptions { allow_dtd: false, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|e| {
-        let line = e.pos().row as usize;
-        let problem = match e {
-            roxmltree::Error::DtdDetected => {
-                "the XML has a document type declaration, which is not supported: remove that line".to_owned()
-            }
-            e => format!("the XML is damaged: {e}"),
-        };
-        ReadError::line(line, problem)
-    })
-}
-
 /// Elements by their ids, and the references to elements that are missing.
 pub(super) struct Ids<'a> {
     elements: HashMap<&'a str, DaeElement<'a>>,
@@ -91,9 +64,9 @@ pub(super) struct Ids<'a> {
 }
 
 impl<'a> Ids<'a> {
-    pub(super) fn new(document: &'a Document<'a>) -> Self {
+    pub(super) fn new(root: DaeElement<'a>) -> Self {
         let mut elements = HashMap::new();
-        for element in document.descendants().filter(Node::is_element) {
+        for element in root.descendants() {
             if let Some(id) = element.attribute("id") {
                 elements.entry(id).or_insert(element);
             }
@@ -111,38 +84,29 @@ impl<'a> Ids<'a> {
         self.elements.get(id).copied()
     }
 
-    /// Returns the element that an attribute of an element refers to, if it has this tag.
-    fn target(&self, from: DaeElement<'a>, attribute: &str, tag: &str) -> Result<DaeElement<'a>, ReadError> {
-        let reference = from.attribute(attribute).unwrap_or_default();
-        let found = self.find(reference).filter(|e| e.tag_name().name() == tag);
-        found.ok_or_else(|| {
-            let problem = if reference.is_empty() || reference.starts_with('#') {
-                format!("there is no {tag} `{}`", excerpt(reference))
-            } else {
-                format!("the {tag} `{}` is in another file, which is not read", excerpt(reference))
-            };
-            error(from, problem)
-        })
-    }
-
-    /// Returns the element that an attribute refers to, like [`Ids::target`]; if it is missing, that is noted, and the
-    /// caller goes on without it.
+    /// Returns the element that an attribute of an element refers to, if it has this tag; if it is missing, that is
+    /// noted, and the caller goes on without it.
     pub(super) fn target_or_note(
         &mut self,
         from: DaeElement<'a>,
         attribute: &str,
         tag: &'static str,
     ) -> Option<DaeElement<'a>> {
-        match self.target(from, attribute, tag) {
-            Ok(found) => Some(found),
-            Err(error) => {
-                match self.dangling.iter_mut().find(|(of, ..)| *of == tag) {
-                    Some((_, _, count)) => *count += 1,
-                    None => self.dangling.push((tag, error, 1)),
-                }
-                None
+        let reference = from.attribute(attribute).unwrap_or_default();
+        let found = self.find(reference).filter(|e| e.tag() == tag);
+        if found.is_none() {
+            if let Some((_, _, count)) = self.dangling.iter_mut().find(|(of, ..)| *of == tag) {
+                *count += 1;
+            } else {
+                let problem = if reference.is_empty() || reference.starts_with('#') {
+                    format!("there is no {tag} `{}`", excerpt(reference))
+                } else {
+                    format!("the {tag} `{}` is in another file, which is not read", excerpt(reference))
+                };
+                self.dangling.push((tag, error(from, problem), 1));
             }
         }
+        found
     }
 
     /// Returns a warning for each kind of element that is missing, with the first reference to one. If nothing else is
@@ -171,14 +135,14 @@ impl<'a> Ids<'a> {
 
 /// Creates an error about an element.
 pub(super) fn error(element: DaeElement<'_>, problem: impl Into<String>) -> ReadError {
-    let line = element.document().text_pos_at(element.range().start).row;
+    let line = element.line();
     let id = element.attribute("id").map(|id| format!(" `{}`", excerpt(id))).unwrap_or_default();
-    ReadError::element(format!("line {line}, <{}>{id}", excerpt(element.tag_name().name())), problem)
+    ReadError::element(format!("line {line}, <{}>{id}", excerpt(element.tag())), problem)
 }
 
 /// Returns the children with a tag.
 pub(super) fn children<'a>(element: DaeElement<'a>, tag: &'a str) -> impl Iterator<Item = DaeElement<'a>> {
-    element.children().filter(move |c| c.is_element() && c.tag_name().name() == tag)
+    element.children().filter(move |c| c.tag() == tag)
 }
 
 /// Returns the first child with a tag.
@@ -191,23 +155,15 @@ pub(super) fn descend<'a>(element: DaeElement<'a>, path: &[&'a str]) -> Option<D
     path.iter().try_fold(element, |at, tag| child(at, tag))
 }
 
-/// Returns the text of an element.
-pub(super) fn text<'a>(element: DaeElement<'a>) -> &'a str {
-    element.text().unwrap_or_default()
-}
-
 /// Returns the numbers in the text of an element.
 pub(super) fn numbers(element: DaeElement<'_>) -> Result<Vec<f64>, ReadError> {
     let mut numbers = Vec::new();
-    // Comments split a text into several.
-    for piece in element.children().filter(Node::is_text) {
-        for word in piece.text().unwrap_or_default().split_ascii_whitespace() {
-            match parse_decimal(word.as_bytes()) {
-                Some((number, length)) if length == word.len() => numbers.push(number.value),
-                _ => numbers.push(parse_non_number(word.as_bytes()).ok_or_else(|| {
-                    error(element, format!("`{}` is not a number", excerpt_of_bytes(word.as_bytes())))
-                })?),
-            }
+    for word in element.text().split_ascii_whitespace() {
+        match parse_decimal(word.as_bytes()) {
+            Some((number, length)) if length == word.len() => numbers.push(number.value),
+            _ => numbers.push(parse_non_number(word.as_bytes()).ok_or_else(|| {
+                error(element, format!("`{}` is not a number", excerpt_of_bytes(word.as_bytes())))
+            })?),
         }
     }
     Ok(numbers)
@@ -216,11 +172,9 @@ pub(super) fn numbers(element: DaeElement<'_>) -> Result<Vec<f64>, ReadError> {
 /// Returns the whole numbers in the text of an element.
 pub(super) fn whole_numbers(element: DaeElement<'_>) -> Result<Vec<u32>, ReadError> {
     let mut numbers = Vec::new();
-    for piece in element.children().filter(Node::is_text) {
-        for word in piece.text().unwrap_or_default().split_ascii_whitespace() {
-            let problem = || error(element, format!("`{}` is not a whole number from 0", excerpt(word)));
-            numbers.push(word.parse().map_err(|_| problem())?);
-        }
+    for word in element.text().split_ascii_whitespace() {
+        let problem = || error(element, format!("`{}` is not a whole number from 0", excerpt(word)));
+        numbers.push(word.parse().map_err(|_| problem())?);
     }
     Ok(numbers)
 }

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use lodsmith_core::polygon::Triangulator;
 
-use super::document::{DaeElement, Ids, child, children, descend, error, numbers, whole_numbers};
+use super::document::{Ids, child, children, descend, error, numbers, whole_numbers};
+use super::tree::DaeElement;
 use crate::corners::{COLOR, Corner, CornerMesh, FIRST_UV, KINDS, MAX_UV_SETS, NONE, NORMAL, POSITION};
 use crate::error::{ReadError, Warning};
 use crate::gltf::SceneBuilder;
@@ -51,8 +52,8 @@ pub(super) fn read<'a>(
         }
     }
     let Some(mesh) = child(element, "mesh") else { return Ok(geometry) };
-    for primitive in mesh.children().filter(|c| c.is_element()) {
-        match primitive.tag_name().name() {
+    for primitive in mesh.children() {
+        match primitive.tag() {
             tag @ ("triangles" | "polylist" | "polygons" | "trifans" | "tristrips") => {
                 let Some(inputs) = inputs(ids, primitive, &mut pools, scene)? else { continue };
                 let polygons = polygons(primitive, tag, &inputs, scene)?;
@@ -236,8 +237,8 @@ fn polygons(
             }
         }
         "polygons" => {
-            for element in primitive.children().filter(|c| c.is_element()) {
-                match element.tag_name().name() {
+            for element in primitive.children() {
+                match element.tag() {
                     "p" => polygons.push(corners(element)?),
                     "ph" => {
                         scene.warn(Warning::lost("holes of polygons are not read: they are closed"));

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use serde_json::{Value, json};
 
-use super::document::{DaeElement, Ids, child, children, descend, error, numbers, text};
+use super::document::{Ids, child, children, descend, error, numbers};
+use super::tree::DaeElement;
 use crate::error::{ReadError, Warning};
 use crate::gltf::{BroughtImages, SceneBuilder, file_path_of_uri};
 
@@ -92,7 +93,7 @@ impl<'a> DaeMaterials<'a> {
         if opacity < 1.0 || is_textured {
             made["alphaMode"] = "BLEND".into();
         }
-        if shading.tag_name().name() != "lambert"
+        if shading.tag() != "lambert"
             && let Some(exponent) = float(shading, "shininess")?
         {
             // The roughness that gives a highlight of the same width; shading uses its square. (Some programs write a
@@ -121,10 +122,7 @@ impl<'a> DaeMaterials<'a> {
                 scene.warn(Warning::lost(format!("{lost} are not read: dropped")));
             }
         }
-        if effect
-            .descendants()
-            .any(|e| e.is_element() && matches!(e.tag_name().name(), "bump" | "normal_map"))
-        {
+        if effect.descendants().any(|e| matches!(e.tag(), "bump" | "normal_map")) {
             scene.warn(Warning::lost("bump maps are not read: dropped"));
         }
         Ok(made)
@@ -147,7 +145,7 @@ impl<'a> DaeMaterials<'a> {
         }
         // Version 1.5 has the address within another element.
         let source = child(image, "init_from").map(|from| child(from, "ref").unwrap_or(from));
-        let source = match source.map(|from| file_path_of_uri(text(from).trim())) {
+        let source = match source.map(|from| file_path_of_uri(from.text().trim())) {
             Some(Ok(path)) => self.images.file(&path, scene),
             Some(Err(why)) => {
                 scene.warn(Warning::lost(format!(
@@ -279,20 +277,20 @@ fn image_of<'a>(
         let all = children(profile, "newparam").chain(children(effect, "newparam"));
         all.into_iter().find(|p| p.attribute("sid") == Some(sid))
     };
-    let is_image = |e: &DaeElement<'a>| e.tag_name().name() == "image";
+    let is_image = |e: &DaeElement<'a>| e.tag() == "image";
     let Some(sampler) = parameter(sampler).and_then(|p| child(p, "sampler2D")) else {
         return ids.get(sampler).filter(is_image);
     };
     if let Some(instance) = child(sampler, "instance_image") {
         return ids.find(instance.attribute("url")?).filter(is_image);
     }
-    let surface = parameter(text(child(sampler, "source")?).trim())?;
+    let surface = parameter(child(sampler, "source")?.text().trim())?;
     let from = descend(surface, &["surface", "init_from"])?;
-    ids.get(text(from).trim()).filter(is_image)
+    ids.get(from.text().trim()).filter(is_image)
 }
 
 /// Returns true if a common extension says that both sides are shown.
 fn is_double_sided(effect: DaeElement<'_>) -> bool {
-    let says = |e: DaeElement<'_>| e.tag_name().name() == "double_sided" && text(e).trim() == "1";
-    effect.descendants().any(|e| e.is_element() && says(e))
+    let says = |e: DaeElement<'_>| e.tag() == "double_sided" && e.text().trim() == "1";
+    effect.descendants().any(says)
 }

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 
 use glam::{DMat4, DQuat, DVec3};
-use roxmltree::Node;
 use serde_json::json;
 
-use super::document::{DaeElement, Ids, child, children, descend, error, numbers, parse, text};
+use super::document::{Ids, child, children, descend, error, numbers};
 use super::geometry::{self, Geometry};
 use super::materials::DaeMaterials;
+use super::tree::{DaeElement, XmlTree};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
 use crate::format::Format;
@@ -29,9 +29,9 @@ pub(super) fn build(
     warning: Option<Warning>,
     options: &ReadOptions,
 ) -> Result<BuiltScene, ReadError> {
-    let document = parse(text, options.limits)?;
-    let root = document.root_element();
-    if root.tag_name().name() != "COLLADA" {
+    let document = XmlTree::parse(text, options.limits)?;
+    let root = document.root();
+    if root.tag() != "COLLADA" {
         return Err(ReadError::file("it is XML, but not a COLLADA document"));
     }
     let version = root.attribute("version").unwrap_or("1.4");
@@ -43,7 +43,7 @@ pub(super) fn build(
     }
     let images = BroughtImages::new(options.files(), options.limits);
     let mut builder = DaeScene {
-        ids: Ids::new(&document),
+        ids: Ids::new(root),
         scene: SceneBuilder::new(Format::Dae),
         materials: DaeMaterials::new(images),
         geometries: HashMap::new(),
@@ -73,7 +73,7 @@ struct DaeScene<'a> {
     /// Nodes of skinned meshes, which are not moved by other nodes.
     at_root: Vec<usize>,
     /// The ancestors of the node that is being placed.
-    open: Vec<roxmltree::NodeId>,
+    open: Vec<DaeElement<'a>>,
     /// Number of nodes that may still be created.
     nodes: usize,
 }
@@ -123,7 +123,7 @@ impl<'a> DaeScene<'a> {
             }
         };
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let rotation = match descend(root, &["asset", "up_axis"]).map(|e| text(e).trim()) {
+        let rotation = match descend(root, &["asset", "up_axis"]).map(|e| e.text().trim()) {
             Some("Z_UP") => Some([-half, 0.0, 0.0, half]),
             Some("X_UP") => Some([0.0, 0.0, half, half]),
             _ => None,
@@ -140,7 +140,7 @@ impl<'a> DaeScene<'a> {
 
     /// Adds a node with all below it; returns its index.
     fn node(&mut self, element: DaeElement<'a>) -> Result<usize, ReadError> {
-        if self.open.contains(&element.id()) {
+        if self.open.contains(&element) {
             return Err(error(element, "the node contains itself"));
         }
         if self.open.len() >= MAX_DEPTH {
@@ -155,10 +155,10 @@ impl<'a> DaeScene<'a> {
         if let Some(matrix) = matrix_of_node(transform(element)?, &mut self.scene) {
             self.scene.entry("nodes", index)["matrix"] = matrix;
         }
-        self.open.push(element.id());
+        self.open.push(element);
         let (mut child_nodes, mut meshes) = (Vec::new(), Vec::new());
-        for part in element.children().filter(Node::is_element) {
-            match part.tag_name().name() {
+        for part in element.children() {
+            match part.tag() {
                 "node" => child_nodes.push(self.node(part)?),
                 "instance_node" => {
                     if let Some(node) = self.ids.target_or_note(part, "url", "node") {
@@ -217,7 +217,7 @@ impl<'a> DaeScene<'a> {
                 bind = Some(matrix.and_then(|m| Some(rows(m.first_chunk()?))).unwrap_or(DMat4::IDENTITY));
             }
             let source = kind.attribute("source").and_then(|s| self.ids.find(s));
-            if let Some(over) = source.filter(|s| s.tag_name().name() == "controller") {
+            if let Some(over) = source.filter(|s| s.tag() == "controller") {
                 controller = over;
                 continue;
             }
@@ -283,8 +283,8 @@ impl<'a> DaeScene<'a> {
 /// Returns the product of the transforms of a node.
 fn transform(node: DaeElement<'_>) -> Result<DMat4, ReadError> {
     let mut product = DMat4::IDENTITY;
-    for element in node.children().filter(Node::is_element) {
-        let name = element.tag_name().name();
+    for element in node.children() {
+        let name = element.tag();
         if !matches!(name, "matrix" | "translate" | "rotate" | "scale" | "lookat" | "skew") {
             continue;
         }
