@@ -189,36 +189,40 @@ fn proceed(control: &mut dyn Control, done: f64) -> Result<(), BakeError> {
     if control.progress(done) == Verdict::Continue { Ok(()) } else { Err(BakeError::Cancelled) }
 }
 
-/// Runs work on another thread, and forwards its questions whether to proceed to the control, which only this thread
-/// may call.
+/// Runs work on other threads, as many as the caller's pool has, and forwards its questions whether to proceed to the
+/// control, which only this thread may call. (This thread waits meanwhile, and may be the only one of the caller's pool.)
 fn watched<T: Send>(
     control: &mut dyn Control,
     done: f64,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, BakeError> + Send,
 ) -> Result<T, BakeError> {
-    if cfg!(target_arch = "wasm32") {
-        // A module has no other thread: the control is asked before the work, and after it.
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
+    let pool = if cfg!(target_arch = "wasm32") { None } else { threads.build().ok() };
+    let Some(pool) = pool else {
+        // A module, or a system without further threads: the control is asked before the work.
         proceed(control, done)?;
         return work(&|| true);
-    }
+    };
     let proceeds = AtomicBool::new(true);
-    std::thread::scope(|scope| {
-        let (asks, questions) = mpsc::channel();
-        let proceeds = &proceeds;
-        let worker = scope.spawn(move || {
-            work(&|| {
+    let (asks, questions) = mpsc::channel();
+    let mut made = Err(BakeError::Cancelled);
+    pool.in_place_scope(|scope| {
+        scope.spawn(|_| {
+            // The questions end with this task.
+            let asks = asks;
+            made = work(&|| {
                 // (Fails only after the last question.)
                 let _ = asks.send(());
                 proceeds.load(Ordering::Relaxed)
-            })
+            });
         });
         for () in questions {
             if control.progress(done) != Verdict::Continue {
                 proceeds.store(false, Ordering::Relaxed);
             }
         }
-        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    });
+    made
 }
 
 /// Returns the model with smooth normals on the meshes without any.
@@ -331,4 +335,39 @@ fn baked_set(set: &FaceSet, maps: Vec<BakedMap>, model: &Model) -> BakedSet {
     let of_model = set.materials.iter().map(|m| *m as usize).filter(|m| *m < model.materials.len());
     let replaced = if is_new_atlas { of_model.collect() } else { Vec::new() };
     BakedSet { name: set.name.clone(), material: set.material, replaced, look, size, is_new_atlas, maps }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts questions, and notes whether they come from one thread.
+    struct Asked {
+        thread: std::thread::ThreadId,
+        count: usize,
+    }
+
+    impl Control for Asked {
+        fn progress(&mut self, _: f64) -> Verdict {
+            assert_eq!(std::thread::current().id(), self.thread);
+            self.count += 1;
+            Verdict::Continue
+        }
+    }
+
+    #[test]
+    fn watched_work_has_as_many_threads_as_the_pool_of_the_caller() {
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (found, count) = pool.install(|| {
+                let mut control = Asked { thread: std::thread::current().id(), count: 0 };
+                let work = |proceed: &(dyn Fn() -> bool + Sync)| {
+                    assert!(rayon::join(proceed, proceed) == (true, true));
+                    Ok(rayon::current_num_threads())
+                };
+                (watched(&mut control, 0.05, work).unwrap(), control.count)
+            });
+            assert_eq!((found, count), (threads, 2));
+        }
+    }
 }

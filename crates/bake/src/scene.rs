@@ -55,10 +55,10 @@ pub fn bake_scene(
     let mut files = Vec::new();
     for (set, own) in sets.iter().zip(name_parts(&sets)) {
         let material = material_of(set, all_files, &own, &mut files)?;
-        let lost = scene.further_extensions(&set.replaced);
+        let lost = scene.further_data(&set.replaced);
         if !lost.is_empty() {
             warnings.push(Warning::lost(format!(
-                "the material of the new atlas drops extensions of the materials that it replaces: {}",
+                "the material of the new atlas drops data of the materials that it replaces: {}",
                 lost.join(", ")
             )));
         }

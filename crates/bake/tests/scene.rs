@@ -131,16 +131,18 @@ fn the_maps_of_all_materials_count_as_memory() {
 }
 
 #[test]
-fn extensions_that_a_new_atlas_drops_are_named() {
-    let coated =
-        r#"{"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_unlit": {}}}"#;
+fn data_of_materials_that_a_new_atlas_drops_are_named() {
+    let coated = r#"{
+        "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}, "KHR_materials_unlit": {}},
+        "extras": {"shader": "paint"}
+    }"#;
     let lost = |atlas| {
         let (made, ..) = baked(squares(&["{}", coated]), &[MapKind::Normal], atlas);
         made.warnings.into_iter().filter(|w| w.data_lost).map(|w| w.text).collect::<Vec<_>>()
     };
     assert_eq!(lost(AtlasMode::Keep), [""; 0]);
     let [text] = &lost(AtlasMode::New)[..] else { panic!("one warning") };
-    assert!(text.ends_with(": KHR_materials_clearcoat"), "{text}");
+    assert!(text.ends_with(": KHR_materials_clearcoat, extras"), "{text}");
 }
 
 /// Sixteen textures, each on a square of its own: several threads need each of them.

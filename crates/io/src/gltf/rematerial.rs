@@ -92,16 +92,19 @@ impl Scene {
         added
     }
 
-    /// Returns the names of the extensions of some materials that a [`Material`] does not hold, in alphabetical order.
-    pub fn further_extensions(&self, materials: &[usize]) -> Vec<String> {
+    /// Returns the names of what some materials have and a [`Material`] does not hold: extensions, in alphabetical order,
+    /// and `extras`.
+    pub fn further_data(&self, materials: &[usize]) -> Vec<String> {
         let all = list(&self.json, "materials");
-        let extensions = materials.iter().filter_map(|m| all.get(*m)?["extensions"].as_object());
+        let named = || materials.iter().filter_map(|m| all.get(*m));
         let is_further = |name: &&String| {
             let kind = name.strip_prefix("KHR_materials_");
             !kind.is_some_and(|kind| MATERIALS_OF_MODELS.contains(&kind))
         };
+        let extensions = named().filter_map(|m| m["extensions"].as_object());
         let names: BTreeSet<&String> = extensions.flat_map(|e| e.keys()).filter(is_further).collect();
-        names.into_iter().take(16).map(|name| excerpt(name)).collect()
+        let extras = named().any(|m| !m["extras"].is_null()).then(|| "extras".to_owned());
+        names.into_iter().take(16).map(|name| excerpt(name)).chain(extras).collect()
     }
 
     /// Sets the material of all primitives of a mesh with triangles or, with `primitive`, of one. Other materials that
