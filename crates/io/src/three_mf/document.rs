@@ -53,6 +53,31 @@ pub(super) struct ModelPart<'a> {
     last_id: usize,
 }
 
+/// The numbers of objects.
+struct ObjectNumbers {
+    /// This one and all above are free.
+    next: usize,
+    /// By meshes; 0 for those that are not written.
+    meshes: Vec<usize>,
+    assemblies: Vec<usize>,
+}
+
+impl ObjectNumbers {
+    /// Returns the number of an object, a new one if it has none.
+    fn of(&mut self, facts: &ObjectFacts) -> usize {
+        let new = self.next;
+        self.next += usize::from(facts.id.is_none());
+        facts.id.map_or(new, |id| id as usize)
+    }
+
+    fn of_object(&self, object: ObjectRef) -> usize {
+        match object {
+            ObjectRef::Mesh(mesh) => self.meshes[mesh],
+            ObjectRef::Assembly(at) => self.assemblies[at],
+        }
+    }
+}
+
 /// The numbers of the resources of a mesh.
 struct MeshIds {
     colors: usize,
@@ -104,7 +129,7 @@ impl<'a> ModelPart<'a> {
             });
         }
         let materials = materials.into_iter().collect();
-        let last_id = 0;
+        let last_id = placed.ids().max().unwrap_or(0) as usize;
         Self {
             looks,
             objects,
@@ -140,81 +165,86 @@ impl<'a> ModelPart<'a> {
 
     /// Writes the part; returns the number of triangles that were left out, and what was written of each object.
     pub(super) fn write(
-        &mut self,
+        &self,
         placed: &Assemblies,
         header: &ModelHeader<'_>,
         out: &mut TextOut<'_>,
     ) -> io::Result<(usize, WrittenObjects)> {
-        self.last_id = placed.ids().max().unwrap_or(0) as usize;
         self.write_header(placed, header, out)?;
         self.write_materials(out)?;
         self.write_textures(out)?;
-        let (mut next, mut skipped) = (self.last_id + FIRST_TEXTURE + self.textures.len(), 0);
-        let mut written = WrittenObjects::default();
-        let mut ids = vec![0; self.objects.len()];
+        let mut numbers = ObjectNumbers {
+            next: self.last_id + FIRST_TEXTURE + self.textures.len(),
+            meshes: vec![0; self.objects.len()],
+            assemblies: Vec::new(),
+        };
+        let (mut skipped, mut written) = (0, WrittenObjects::default());
         let further: BTreeSet<usize> =
             placed.volumes.values().flat_map(|all| all[1..].iter().map(|&(_, mesh)| mesh)).collect();
         for mesh in (0..self.objects.len()).filter(|mesh| !further.contains(mesh)) {
-            let alone = [(0, mesh)];
-            let volumes = placed.volumes.get(&mesh).map_or(&alone[..], Vec::as_slice);
-            let mut pieces = Vec::new();
-            for &(volume, mesh) in volumes {
-                let (Some(object), Some(properties)) = (&self.objects[mesh], &self.properties[mesh]) else {
-                    continue;
-                };
-                let own = MeshIds { colors: next, coordinates: next + 1 };
-                next += 1 + properties.coordinates.len();
-                self.write_groups(object.mesh, properties, &own, out)?;
-                pieces.push((volume, object, properties, own));
-            }
-            if pieces.is_empty() {
-                continue;
-            }
-            let facts = placed.of_meshes.get(&mesh).cloned().unwrap_or_default();
-            ids[mesh] = facts.id.map_or(next, |id| id as usize);
-            next += usize::from(facts.id.is_none());
-            let counts = self.write_object(&pieces, (ids[mesh], &facts), out)?;
-            skipped += pieces.iter().map(|(_, object, ..)| object.mesh.face_count()).sum::<usize>()
-                - counts.iter().sum::<usize>();
-            let id = ids[mesh] as u32;
-            if placed.volumes.contains_key(&mesh) {
-                let of_volumes = written.volumes.entry(id).or_default();
-                for ((volume, ..), count) in pieces.iter().zip(counts) {
-                    of_volumes.resize(of_volumes.len().max(volume + 1), 0);
-                    of_volumes[*volume] = count;
-                }
-            } else {
-                written.faces.insert(id, counts.iter().sum());
-            }
+            skipped += self.write_mesh(mesh, placed, &mut numbers, &mut written, out)?;
         }
-        let of_assembly: Vec<usize> = placed
-            .all
-            .iter()
-            .map(|assembly| {
-                next += usize::from(assembly.facts.id.is_none());
-                assembly.facts.id.map_or(next - 1, |id| id as usize)
-            })
-            .collect();
-        written.assemblies = of_assembly.iter().map(|&id| id as u32).collect();
-        let number = |object: ObjectRef| match object {
-            ObjectRef::Mesh(mesh) => ids[mesh],
-            ObjectRef::Assembly(at) => of_assembly[at],
-        };
-        for (assembly, id) in placed.all.iter().zip(&of_assembly) {
-            write_begin(*id, &assembly.facts, &assembly.name, out);
+        for assembly in &placed.all {
+            let id = numbers.of(&assembly.facts);
+            numbers.assemblies.push(id);
+            written.assemblies.insert(id as u32);
+            write_begin(id, &assembly.facts, &assembly.name, out);
             out.text(">\n   <components>\n");
             for component in &assembly.components {
-                write_place("    <component", component, number(component.object), out)?;
+                write_place("    <component", component, numbers.of_object(component.object), out)?;
             }
             out.text("   </components>\n  </object>\n");
         }
         out.text(" </resources>\n <build>\n");
         for item in &placed.items {
-            write_place("  <item", item, number(item.object), out)?;
+            write_place("  <item", item, numbers.of_object(item.object), out)?;
         }
         out.text(" </build>\n</model>\n");
         out.finish()?;
         Ok((skipped, written))
+    }
+
+    /// Writes the object of a mesh and of its further volumes, with its groups of properties; returns the number of
+    /// triangles that were left out.
+    fn write_mesh(
+        &self,
+        mesh: usize,
+        placed: &Assemblies,
+        numbers: &mut ObjectNumbers,
+        written: &mut WrittenObjects,
+        out: &mut TextOut<'_>,
+    ) -> io::Result<usize> {
+        let alone = [(0, mesh)];
+        let volumes = placed.volumes.get(&mesh);
+        let mut pieces = Vec::new();
+        for &(volume, mesh) in volumes.map_or(&alone[..], Vec::as_slice) {
+            let (Some(object), Some(properties)) = (&self.objects[mesh], &self.properties[mesh]) else {
+                continue;
+            };
+            let own = MeshIds { colors: numbers.next, coordinates: numbers.next + 1 };
+            numbers.next += 1 + properties.coordinates.len();
+            self.write_groups(object.mesh, properties, &own, out)?;
+            pieces.push((volume, object, properties, own));
+        }
+        if pieces.is_empty() {
+            return Ok(0);
+        }
+        let facts = placed.of_meshes.get(&mesh).cloned().unwrap_or_default();
+        let id = numbers.of(&facts);
+        numbers.meshes[mesh] = id;
+        let counts = self.write_object(&pieces, (id, &facts), out)?;
+        let faces: usize = pieces.iter().map(|(_, object, ..)| object.mesh.face_count()).sum();
+        let skipped = faces - counts.iter().sum::<usize>();
+        if volumes.is_some() {
+            let of_volumes = written.volumes.entry(id as u32).or_default();
+            for ((volume, ..), count) in pieces.iter().zip(counts) {
+                of_volumes.resize(of_volumes.len().max(volume + 1), 0);
+                of_volumes[*volume] = count;
+            }
+        } else {
+            written.faces.insert(id as u32, counts.iter().sum());
+        }
+        Ok(skipped)
     }
 
     fn write_header(

@@ -1,6 +1,6 @@
 //! Contents that one 3MF file gets from another beside the scene: settings, thumbnails, and references to them.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 use lodsmith_core::numbers::counted;
 use serde_json::Value;
@@ -24,9 +24,9 @@ pub(crate) struct KeptContents {
     pub(super) files: Vec<(String, Vec<u8>)>,
     /// Relations of the archive to these files: type and target.
     pub(super) relations: Vec<(String, String)>,
-    /// Content types of extensions, and of parts.
-    pub(super) types: Vec<(String, String)>,
-    pub(super) part_types: Vec<(String, String)>,
+    /// Content types of extensions in lower case, and of parts by [`name_of`] them.
+    pub(super) types: BTreeMap<String, String>,
+    pub(super) part_types: BTreeMap<String, String>,
     /// Namespaces of prefixes of metadata.
     pub(super) namespaces: Vec<(String, String)>,
     /// True if a slicer wrote the file: then its description and the numbers of its objects are kept.
@@ -106,12 +106,10 @@ impl KeptContents {
     /// Returns a file of content types with those of these files.
     pub(super) fn content_types(&self, own: &str, files: &[&(String, Vec<u8>)]) -> String {
         let mut text = String::new();
-        let part_types: HashMap<String, &str> =
-            self.part_types.iter().map(|(part, kind)| (name_of(part), &**kind)).collect();
         let mut known: BTreeSet<String> = ["rels", "model", "png", "jpg"].map(str::to_owned).into();
         for (path, _) in files {
             let name = name_of(path);
-            let of_part = part_types.get(&name).copied();
+            let of_part = self.part_types.get(&name).map(String::as_str);
             let file = name.rsplit('/').next().unwrap_or_default();
             let (Some((_, extension)), None) = (file.rsplit_once('.'), of_part) else {
                 let (path, kind) = (escaped(path), escaped(of_part.unwrap_or(UNKNOWN_TYPE)));
@@ -119,8 +117,7 @@ impl KeptContents {
                 continue;
             };
             if known.insert(extension.to_owned()) {
-                let of_file = self.types.iter().find(|(other, _)| other.eq_ignore_ascii_case(extension));
-                let kind = of_file.map_or(UNKNOWN_TYPE, |(_, kind)| kind);
+                let kind = self.types.get(extension).map_or(UNKNOWN_TYPE, String::as_str);
                 let (extension, kind) = (escaped(extension), escaped(kind));
                 text.push_str(&format!(" <Default Extension=\"{extension}\" ContentType=\"{kind}\"/>\n"));
             }

@@ -173,8 +173,10 @@ impl<'a> Package<'a> {
                 if let Event::Start(e) | Event::Empty(e) = event
                     && let Some(kind) = attribute(e, b"ContentType")?
                 {
-                    kept.types.extend(attribute(e, b"Extension")?.map(|extension| (extension, kind.clone())));
-                    kept.part_types.extend(attribute(e, b"PartName")?.map(|part| (part, kind)));
+                    if let Some(extension) = attribute(e, b"Extension")? {
+                        kept.types.entry(extension.to_ascii_lowercase()).or_insert_with(|| kind.clone());
+                    }
+                    kept.part_types.extend(attribute(e, b"PartName")?.map(|part| (name_of(&part), kind)));
                 }
                 Ok(())
             });

@@ -3,7 +3,8 @@
 //! PrusaSlicer (and Slic3r, SuperSlicer) lists ranges of the triangles of an object; BambuStudio and OrcaSlicer name its
 //! components. Sources: see [`marks`](super::marks).
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::io;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesStart, Event};
@@ -84,7 +85,7 @@ pub(super) struct WrittenObjects {
     /// Numbers of triangles of other objects.
     pub(super) faces: BTreeMap<u32, usize>,
     /// Objects of components.
-    pub(super) assemblies: Vec<u32>,
+    pub(super) assemblies: BTreeSet<u32>,
 }
 
 impl WrittenObjects {
@@ -172,11 +173,10 @@ pub(super) enum ObjectVolumes<'s> {
 
 /// Returns a file of settings for objects as they are written: with their ranges and numbers of triangles, and without
 /// those that are gone. Another file is returned as it is.
-pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<u8> {
-    let Some(dialect) = dialect(path) else { return text.to_vec() };
+pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> io::Result<Vec<u8>> {
+    let Some(dialect) = dialect(path) else { return Ok(text.to_vec()) };
     let mut before = Settings::default();
-    // It was read before.
-    let _ = before.add(path, text);
+    before.add(path, text).map_err(io::Error::other)?;
     let mut out = Writer::new(Vec::with_capacity(text.len()));
     let mut reader = quick_xml::Reader::from_reader(text);
     let mut state = Updating { dialect, objects, before, object: 0, at: 0, next: 0, faces: None };
@@ -185,9 +185,9 @@ pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<
     // The events of an instance, which names its object within.
     let mut instance: Option<(Vec<Event<'_>>, bool)> = None;
     loop {
-        let Ok(event) = reader.read_event() else { return text.to_vec() };
+        let event = reader.read_event().map_err(io::Error::other)?;
         if matches!(event, Event::Eof) {
-            return out.into_inner();
+            return Ok(out.into_inner());
         }
         if skipped > 0 {
             match event {
@@ -221,13 +221,13 @@ pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> Vec<
             instance = Some((Vec::new(), false));
         }
         let Some((events, is_gone)) = &mut instance else {
-            let _ = out.write_event(event);
+            out.write_event(event)?;
             continue;
         };
         events.push(event);
         if ends {
             for event in events.drain(..).filter(|_| !*is_gone) {
-                let _ = out.write_event(event);
+                out.write_event(event)?;
             }
             instance = None;
         }
@@ -349,6 +349,9 @@ mod tests {
 <config><object id="1" a="&amp;"><metadata type="object" key="name" value="x"/><volume firstid="0" lastid="3"/>
 <volume firstid="4" lastid="9"><metadata key="volume_type" value="NegativeVolume"/><mesh edges_fixed="0"/></volume>
 </object></config>"#;
-        assert_eq!(String::from_utf8(updated(PRUSA, text, &objects)).unwrap(), expected);
+        let new = updated(PRUSA, text, &objects).unwrap();
+        assert_eq!(String::from_utf8(new).unwrap(), expected);
+        // Damaged settings are not written unchanged: they would be of other objects.
+        assert!(updated(PRUSA, &text[..200], &objects).is_err());
     }
 }

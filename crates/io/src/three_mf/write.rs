@@ -159,7 +159,7 @@ fn write_objects(
         return Err(io::Error::other(WriteError::TooLarge { format: "3MF", what }));
     }
     let mut lost = std::mem::take(&mut looks.lost);
-    let mut document = ModelPart::new(&looks, objects, placed, &mut lost);
+    let document = ModelPart::new(&looks, objects, placed, &mut lost);
     warnings.extend(lost.warnings());
     if document.is_rounded {
         warnings.push(Warning::note("3MF holds colours as bytes: they are rounded"));
@@ -198,7 +198,7 @@ fn write_objects(
     }
     for (path, bytes) in kept_files {
         start(&mut zip, path, bytes.len())?;
-        zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written))?;
+        zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written)?)?;
     }
     zip.finish().map_err(io::Error::from)?;
     if skipped > 0 {
