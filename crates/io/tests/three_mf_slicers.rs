@@ -149,7 +149,10 @@ fn prusa() -> Vec<u8> {
 #[test]
 fn a_project_of_prusaslicer_comes_back() {
     let scene = scene_of(&prusa());
-    assert_eq!(losses(scene.warnings()), ["1 file of a sliced model is not kept (G-code)"]);
+    assert_eq!(
+        losses(scene.warnings()),
+        ["1 file of a sliced model is not kept (metadata/plate_1.gcode first)"]
+    );
     // The hole is no part of the shape.
     assert_eq!(scene.meshes().len(), 2);
     assert_eq!(scene.bounds().unwrap().max.map(|x| (x * 1e3).round()), [60.0, 10.0, 0.0]);
@@ -220,7 +223,7 @@ fn a_mesh_has_only_what_is_printed() {
     let loaded = read_bytes(&prusa(), &ReadOptions::default()).unwrap();
     assert_eq!(loaded.mesh.face_count(), 8);
     let expected = [
-        "1 file of a sliced model is not kept (G-code)",
+        "1 file of a sliced model is not kept (metadata/plate_1.gcode first)",
         "2 hidden meshes (what a slicer does not print) left out",
         "names of nodes and meshes are not carried: only a scene that is written as glTF or GLB keeps them",
         "marks of parts that are not printed are dropped: only 3MF keeps them",
@@ -383,6 +386,72 @@ fn objects_of_one_number_lose_their_settings() {
     );
     assert_eq!((part(&bytes, PRUSA), part(&bytes, "Metadata/a.config").as_deref()), (None, Some("b")));
     assert_eq!(elements(&model_of(&bytes), "<object").len(), 2);
+}
+
+#[test]
+fn names_that_differ_in_case_are_a_loss() {
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/></build>"#,
+        object(1, "", &[""; 4], "")
+    );
+    let parts = [("Metadata/a.txt", "1"), ("metadata/A.TXT", "2"), ("3D/3DModel.model", "<model/>")];
+    let scene = scene_of(&package(&model, &parts));
+    let text = "2 files have the name of an earlier file in the archive, but for case (metadata/A.TXT first): dropped";
+    assert_eq!(losses(scene.warnings()), [text]);
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    let archive = zip::ZipArchive::new(Cursor::new(&bytes)).unwrap();
+    let mut names: Vec<String> =
+        archive.file_names().map(|name| name.unwrap().to_ascii_lowercase()).collect();
+    names.sort();
+    assert_eq!(names, ["3d/3dmodel.model", "[content_types].xml", "_rels/.rels", "metadata/a.txt"]);
+    assert_eq!(part(&bytes, "Metadata/a.txt").as_deref(), Some("1"));
+}
+
+#[test]
+fn marks_of_items_are_kept_and_other_attributes_are_named() {
+    let attributes = r#"partnumber="a-1" thumbnail="/Thumbnails/a.png" auto_drop="0""#;
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1" auto_drop="0" printable="0" partnumber="b"/>
+<item objectid="1" auto_drop="1"/></build>"#,
+        object(1, attributes, &[""; 4], "")
+    );
+    let scene = scene_of(&package(&model, &[]));
+    let expected = [
+        "part numbers of objects and items are not read: dropped",
+        "thumbnails of objects are not read: dropped",
+        "marks of objects (auto_drop) are not read: dropped",
+    ];
+    assert_eq!(losses(scene.warnings()), expected);
+    let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let items = [r#"<item objectid="1" printable="0" auto_drop="0"/>"#, r#"<item objectid="1"/>"#]
+        .map(|item| item.replace(r#"objectid="1""#, &format!("objectid=\"{}\"", object_id(&bytes))));
+    assert_eq!(elements(&model_of(&bytes), "<item"), items);
+}
+
+/// Returns the number of the first object.
+fn object_id(bytes: &[u8]) -> String {
+    elements(&model_of(bytes), "<object")[0].split('"').nth(1).unwrap().to_owned()
+}
+
+/// BambuStudio writes the boxes of the objects of a plate when it is sliced.
+#[test]
+fn boxes_of_plates_are_results_of_slicing() {
+    let model = format!(
+        r#"<resources>{}</resources><build><item objectid="1"/></build>"#,
+        object(1, "", &[""; 4], "")
+    );
+    let config = r#"<config><plate><metadata key="pattern_bbox_file" value="Metadata/plate_1.json"/></plate></config>"#;
+    let parts = [(BAMBU, config), ("Metadata/plate_1.json", "{}"), ("Metadata/plate_1.png", "a picture")];
+    let scene = scene_of(&package(&model, &parts));
+    assert_eq!(
+        losses(scene.warnings()),
+        ["1 file of a sliced model is not kept (metadata/plate_1.json first)"]
+    );
+    let (bytes, _) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(part(&bytes, "Metadata/plate_1.json"), None);
+    assert_eq!(part(&bytes, "Metadata/plate_1.png").as_deref(), Some("a picture"));
+    assert_eq!(part(&bytes, BAMBU).unwrap(), config.replace("Metadata/plate_1.json", ""));
 }
 
 #[test]

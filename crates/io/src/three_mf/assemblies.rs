@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::build::BUILD_NODE;
 use super::model::OTHER_TYPES;
+use super::resources::ItemMark;
 use crate::frame::{Frame, Unit};
 
 /// Nodes deeper than this become components of the object at this depth. Guessed: deeper than any assembly, and other
@@ -32,7 +33,8 @@ pub(super) enum ObjectRef {
 pub(super) struct ObjectPlace {
     pub(super) object: ObjectRef,
     pub(super) transform: DMat4,
-    pub(super) is_printable: bool,
+    /// Marks of an item.
+    pub(super) marks: Vec<ItemMark>,
     /// The number of the volume, if the object is a volume of the one that has it as a component.
     volume: Option<usize>,
 }
@@ -97,7 +99,7 @@ impl Assemblies {
     /// Takes one mesh in these coordinates.
     pub(super) fn of_mesh(frame: Frame) -> Self {
         let transform = if frame.z_up { DMat4::IDENTITY } else { z_up_from_gltf() };
-        let item = ObjectPlace { object: ObjectRef::Mesh(0), transform, is_printable: true, volume: None };
+        let item = ObjectPlace { object: ObjectRef::Mesh(0), transform, marks: Vec::new(), volume: None };
         Self { items: vec![item], ..Self::empty(frame.unit) }
     }
 
@@ -158,8 +160,8 @@ impl Assemblies {
                 Some(ObjectRef::Mesh(first))
             } else {
                 let own = mesh.map(ObjectRef::Mesh);
-                let (transform, is_printable, volume) = (DMat4::IDENTITY, true, None);
-                components.extend(own.map(|object| ObjectPlace { object, transform, is_printable, volume }));
+                let (transform, marks, volume) = (DMat4::IDENTITY, Vec::new(), None);
+                components.extend(own.map(|object| ObjectPlace { object, transform, marks, volume }));
                 components.reverse();
                 let bits = |p: &ObjectPlace| (p.object, p.transform.to_cols_array().map(f64::to_bits));
                 let key = (node.name.clone(), facts.clone(), components.iter().map(bits).collect());
@@ -169,9 +171,9 @@ impl Assemblies {
                 });
                 Some(ObjectRef::Assembly(assembly))
             };
-            let (transform, is_printable) = (*transform, said["printable"] != false);
+            let marks = ItemMark::ALL.into_iter().filter(|mark| said[mark.name()] == false).collect();
             let volume = said["volume"].as_u64().map(|at| at as usize);
-            let place = object.map(|object| ObjectPlace { object, transform, is_printable, volume });
+            let place = object.map(|object| ObjectPlace { object, transform: *transform, marks, volume });
             match parent {
                 Some(parent) => parts[*parent].extend(place),
                 None => new.items.extend(place),

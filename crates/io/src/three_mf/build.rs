@@ -11,7 +11,7 @@ use super::kept::{OF_THREE_MF, name_of};
 use super::marks::{ExactPaint, Marks};
 use super::model::parse;
 use super::package::Package;
-use super::resources::{Group, Object, PaintOfTriangle, Part, PlacedObject, TriangleSet};
+use super::resources::{Group, ItemMark, Object, PaintOfTriangle, Part, PlacedObject, TriangleSet};
 use super::settings::{ObjectVolumes, Settings};
 use crate::attributes::{linear_colors, linear_of_srgb};
 use crate::error::{ReadError, Warning};
@@ -155,11 +155,7 @@ impl ThreeMfScene<'_> {
             let used: HashSet<u32> =
                 first.objects.values().flat_map(|o| &o.components).map(|c| c.object).collect();
             for &object in first.objects.keys().filter(|id| !used.contains(id)) {
-                roots.push(self.place(
-                    0,
-                    &PlacedObject { path: None, object, transform: None, is_printable: true },
-                    0,
-                )?);
+                roots.push(self.place(0, &PlacedObject { object, ..PlacedObject::default() }, 0)?);
             }
             if !roots.is_empty() {
                 self.scene.warn(Warning::note("the build has no items: all objects are placed"));
@@ -220,8 +216,8 @@ impl ThreeMfScene<'_> {
         if self.settings.is_present {
             node["extras"][OF_THREE_MF]["object"] = place.object.into();
         }
-        if !place.is_printable {
-            node["extras"][OF_THREE_MF]["printable"] = false.into();
+        for mark in ItemMark::ALL.into_iter().filter(|mark| place.marks.contains(mark)) {
+            node["extras"][OF_THREE_MF][mark.name()] = false.into();
         }
         if let Some(kind) = object.kind {
             node["extras"][OF_THREE_MF]["type"] = kind.into();

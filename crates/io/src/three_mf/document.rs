@@ -549,8 +549,10 @@ fn write_place(element: &str, place: &ObjectPlace, id: usize, out: &mut TextOut<
         }
         out.byte(b'"');
     }
-    let is_marked = element.ends_with("<item") && !place.is_printable;
-    out.text(if is_marked { " printable=\"0\"/>" } else { "/>" });
+    if element.ends_with("<item") {
+        place.marks.iter().for_each(|mark| out.text(&format!(" {}=\"0\"", mark.name())));
+    }
+    out.text("/>");
     out.end_line()
 }
 

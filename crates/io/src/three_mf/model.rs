@@ -8,7 +8,8 @@ use quick_xml::events::{BytesStart, Event};
 
 use super::marks::PAINTS;
 use super::resources::{
-    Group, Object, PaintOfTriangle, Part, PlacedObject, TextureFile, Transform, TriangleProperty, TriangleSet,
+    Group, ItemMark, Object, PaintOfTriangle, Part, PlacedObject, TextureFile, Transform, TriangleProperty,
+    TriangleSet,
 };
 use crate::error::ReadError;
 use crate::excerpt::{excerpt, excerpt_of_bytes};
@@ -28,6 +29,12 @@ const MAX_SET_NAME: usize = 1 << 10;
 
 /// Types of objects other than `model`.
 pub(super) const OTHER_TYPES: [&str; 4] = ["solidsupport", "support", "surface", "other"];
+
+/// Attributes of items and of objects that are dropped, and what they are.
+const DROPPED_OF_ITEMS: [(&str, &str); 1] = [PART_NUMBERS];
+const DROPPED_OF_OBJECTS: [(&str, &str); 3] =
+    [PART_NUMBERS, ("thumbnail", "thumbnails of objects"), ("auto_drop", "marks of objects (auto_drop)")];
+const PART_NUMBERS: (&str, &str) = ("partnumber", "part numbers of objects and items");
 
 /// Namespaces of extensions that a reader may be required to know, by the ends of their names, and which of their
 /// contents are lost.
@@ -161,8 +168,13 @@ impl ModelParser {
                 Ok(())
             }
             b"item" => {
-                let is_printable = !matches!(attribute(e, b"printable")?.as_deref(), Some("0" | "false"));
-                self.part.items.push(PlacedObject { is_printable, ..component(e)? });
+                let mut item = component(e)?;
+                for mark in ItemMark::ALL {
+                    let value = attribute(e, mark.name().as_bytes())?;
+                    item.marks.extend(matches!(value.as_deref(), Some("0" | "false")).then_some(mark));
+                }
+                self.drop_attributes(e, &DROPPED_OF_ITEMS)?;
+                self.part.items.push(item);
                 Ok(())
             }
             b"base" | b"color" | b"tex2coord" | b"multi" => self.entry(e),
@@ -263,9 +275,24 @@ impl ModelParser {
         if let Some(group) = number(e, b"pid")? {
             object.property = Some((group, number(e, b"pindex")?.unwrap_or(0)));
         }
+        self.drop_attributes(e, &DROPPED_OF_OBJECTS)?;
         let kind = attribute(e, b"type")?;
         object.kind = OTHER_TYPES.into_iter().find(|other| kind.as_deref() == Some(other));
         self.object = Some((required_number(e, b"id")?, object));
+        Ok(())
+    }
+
+    /// Records attributes that are dropped.
+    fn drop_attributes(
+        &mut self,
+        e: &BytesStart<'_>,
+        all: &[(&'static str, &'static str)],
+    ) -> Result<(), Problem> {
+        for (name, what) in all {
+            if attribute(e, name.as_bytes())?.is_some() {
+                self.part.drop_content(what);
+            }
+        }
         Ok(())
     }
 
@@ -417,7 +444,7 @@ impl ModelParser {
 fn component(e: &BytesStart<'_>) -> Result<PlacedObject, Problem> {
     let transform = attribute(e, b"transform")?.map(|text| transform(&text)).transpose()?;
     let (path, object) = (attribute(e, b"path")?, required_number(e, b"objectid")?);
-    Ok(PlacedObject { path, object, transform, is_printable: true })
+    Ok(PlacedObject { path, object, transform, marks: Vec::new() })
 }
 
 fn transform(text: &str) -> Result<Transform, Problem> {

@@ -1,5 +1,6 @@
 //! Access to the parts of the archive.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashSet};
 use std::io::{Cursor, Read};
 
@@ -33,6 +34,8 @@ pub(super) struct Package<'a> {
     archive: ZipArchive<Cursor<&'a [u8]>>,
     /// Entries by their names in lower case: case does not matter.
     names: BTreeMap<String, usize>,
+    /// Names of entries that are not there for these names, since earlier ones have them, but for case.
+    repeated: Vec<String>,
     /// Those that were read.
     read: HashSet<usize>,
     /// Relations of the archive: type and target.
@@ -48,14 +51,20 @@ impl<'a> Package<'a> {
     pub(super) fn open(bytes: &'a [u8], limits: Limits) -> Result<Self, ReadError> {
         let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|e| damaged("the ZIP archive", &e))?;
         let mut names = BTreeMap::new();
+        let mut repeated = Vec::new();
         for index in 0..archive.len() {
             if let Some(Ok(name)) = archive.name_for_index(index) {
-                names.entry(name_of(&name)).or_insert(index);
+                match names.entry(name_of(&name)) {
+                    Entry::Vacant(entry) => _ = entry.insert(index),
+                    Entry::Occupied(_) if name.ends_with(['/', '\\']) => {}
+                    Entry::Occupied(_) => repeated.push(name.into_owned()),
+                }
             }
         }
         let (packed, limit) = (bytes.len() as u64, limits.max_unpacked_bytes(bytes.len()));
         let relations = Vec::new();
-        Ok(Self { archive, names, read: HashSet::new(), relations, packed, limit, unpacked: 0, limits })
+        let read = HashSet::new();
+        Ok(Self { archive, names, repeated, read, relations, packed, limit, unpacked: 0, limits })
     }
 
     /// Returns the bytes of a part; `None` if there is no part of this name.
@@ -102,6 +111,14 @@ impl<'a> Package<'a> {
     /// `is_damaged`: true if settings of objects cannot be read.
     pub(super) fn kept_contents(&mut self, is_damaged: bool, warn: &mut dyn FnMut(Warning)) -> KeptContents {
         let mut kept = KeptContents::default();
+        if let Some(first) = self.repeated.first() {
+            let files = counted(self.repeated.len(), "file has", "files have");
+            let text = format!(
+                "{files} the name of an earlier file in the archive, but for case ({} first): dropped",
+                excerpt(first)
+            );
+            warn(Warning::lost(text));
+        }
         let thumbnails = self.relations.iter().filter(|(kind, _)| kind.ends_with(THUMBNAIL));
         let thumbnails: HashSet<String> = thumbnails.map(|(_, target)| name_of(target)).collect();
         let is_kept = |name: &str| {
@@ -130,10 +147,10 @@ impl<'a> Package<'a> {
             let first = excerpt(first);
             warn(Warning::lost(format!("no part of the model uses {files} ({first} first): dropped")));
         }
-        let mut sliced = 0;
+        let mut sliced = Vec::new();
         for (name, index) in names {
-            if name.ends_with(".gcode") || name.ends_with(".gcode.md5") {
-                sliced += 1;
+            if is_result_of_slicing(&name) {
+                sliced.push(name);
                 continue;
             }
             // Relations of files in a folder name results of slicing, and damaged settings fit no object.
@@ -141,7 +158,7 @@ impl<'a> Package<'a> {
                 continue;
             }
             let path = self.archive.name_for_index(index).and_then(Result::ok).unwrap_or_default();
-            let path = path.replace('\\', "/").trim_start_matches('/').to_owned();
+            let path = path.replace('\\', "/").trim_start_matches("./").trim_start_matches('/').to_owned();
             match self.part(&name) {
                 Ok(Some(bytes)) => {
                     kept.is_project |= names_objects(&name);
@@ -158,9 +175,9 @@ impl<'a> Package<'a> {
                 }
             }
         }
-        if sliced > 0 {
-            let files = counted(sliced, "file of a sliced model is", "files of a sliced model are");
-            warn(Warning::lost(format!("{files} not kept (G-code)")));
+        if let Some(first) = sliced.first() {
+            let files = counted(sliced.len(), "file of a sliced model is", "files of a sliced model are");
+            warn(Warning::lost(format!("{files} not kept ({} first)", excerpt(first))));
             // What the result of slicing weighs and costs.
             kept.files.retain(|(path, _)| name_of(path) != "metadata/slice_info.config");
         }
@@ -206,6 +223,12 @@ impl<'a> Package<'a> {
             None => Err(ReadError::file("the ZIP archive holds no 3D model: a 3MF file has one in 3D/")),
         }
     }
+}
+
+/// Returns true for G-code, and for boxes of the objects on a plate (BambuStudio), by the name in lower case.
+fn is_result_of_slicing(name: &str) -> bool {
+    let plate = name.strip_prefix("metadata/plate_").and_then(|rest| rest.strip_suffix(".json"));
+    name.ends_with(".gcode") || name.ends_with(".gcode.md5") || plate.is_some()
 }
 
 fn damaged(what: &str, error: &ZipError) -> ReadError {

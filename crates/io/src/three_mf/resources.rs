@@ -72,12 +72,35 @@ pub(super) struct TriangleSet {
 }
 
 /// A placed object: an item of the build, or a component of an object.
+#[derive(Default)]
 pub(super) struct PlacedObject {
     /// The part that has the object, if it is another one.
     pub(super) path: Option<String>,
     pub(super) object: u32,
     pub(super) transform: Option<Transform>,
-    pub(super) is_printable: bool,
+    /// Marks of an item.
+    pub(super) marks: Vec<ItemMark>,
+}
+
+/// A mark of an item of the build, which a slicer sets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ItemMark {
+    /// It is not printed.
+    NotPrinted,
+    /// It is not moved down to the bed (OrcaSlicer).
+    NotDropped,
+}
+
+impl ItemMark {
+    pub(super) const ALL: [Self; 2] = [Self::NotPrinted, Self::NotDropped];
+
+    /// Returns the name of the attribute that is 0 for the mark.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::NotPrinted => "printable",
+            Self::NotDropped => "auto_drop",
+        }
+    }
 }
 
 /// A group of properties.

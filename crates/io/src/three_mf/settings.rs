@@ -283,7 +283,9 @@ impl Updating<'_> {
                         _ => ElementChange::GoneInstance,
                     },
                     // Results of slicing are left out.
-                    "gcode_file" => ElementChange::To(with_attributes(e, &[("value", String::new())])),
+                    "gcode_file" | "pattern_bbox_file" => {
+                        ElementChange::To(with_attributes(e, &[("value", String::new())]))
+                    }
                     _ => ElementChange::None,
                 }
             }
