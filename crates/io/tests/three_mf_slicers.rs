@@ -365,27 +365,150 @@ fn sets_of_triangles_are_regions() {
     );
 }
 
+/// Returns a file with a part `3D/Objects/object_1.model` and so on for each of these lists of objects.
+fn package_of_parts(resources: &str, build: &str, objects: &[String], further: &[(&str, &str)]) -> Vec<u8> {
+    let model = format!(r#"<resources>{resources}</resources><build>{build}</build>"#);
+    let head =
+        r#"<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">"#;
+    let of = |all: &String| format!("{head}<resources>{all}</resources><build/></model>");
+    let all: Vec<(String, String)> =
+        objects.iter().zip(1..).map(|(all, at)| (format!("3D/Objects/object_{at}.model"), of(all))).collect();
+    let parts: Vec<(&str, &str)> = all.iter().map(|(name, text)| (&**name, &**text)).collect();
+    package(&model, &[&parts, further].concat())
+}
+
+/// BambuStudio writes each object into its own part, with an object of components in the first one, whose settings name
+/// the components by number alone. It numbers them through all parts; other programs begin again in each. (Source:
+/// BambuStudio, `src/libslic3r/Format/bbs_3mf.cpp`, `_add_model_file_to_archive`, `_add_object_components_to_stream` and
+/// `_generate_volumes_new`.)
 #[test]
-fn objects_of_one_number_lose_their_settings() {
+fn objects_of_one_number_in_several_parts_keep_their_roles() {
+    let assembly = |id: u32, part: u32| {
+        let component = |object: u32| {
+            format!(r#"<component p:path="/3D/Objects/object_{part}.model" objectid="{object}"/>"#)
+        };
+        let components = component(1) + &component(2);
+        format!(r#"<object id="{id}" type="model"><components>{components}</components></object>"#)
+    };
+    let two =
+        |kind: &str| object(1, "", &[""; 4], "") + &object(2, &format!(r#"type="{kind}""#), &[""; 4], "");
+    let config = r#"<config>
+<object id="3">
+<part id="1" subtype="normal_part"/>
+<part id="2" subtype="negative_part"/>
+</object>
+<object id="4">
+<part id="1" subtype="modifier_part"/>
+<part id="2" subtype="normal_part"/>
+</object>
+</config>"#;
+    let items = r#"<item objectid="3"/><item objectid="4" transform="1 0 0 0 1 0 0 0 1 50 0 0"/>"#;
+    let resources = assembly(3, 1) + &assembly(4, 2);
+    let bytes = package_of_parts(&resources, items, &[two("other"), two("model")], &[(BAMBU, config)]);
+    let scene = scene_of(&bytes);
+    assert_eq!(losses(scene.warnings()), [""; 0]);
+    let (again, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    let expected = config.replace(r#""1" subtype="normal"#, r#""5" subtype="normal"#);
+    let expected = expected.replace(r#""2" subtype="negative"#, r#""6" subtype="negative"#);
+    assert_eq!(part(&again, BAMBU).unwrap(), expected);
+    let text = model_of(&again);
+    let mut components: Vec<&str> = elements(&text, "<component ");
+    components.sort_unstable();
+    let expected = ["1", "2", "5", "6"].map(|id| format!(r#"<component objectid="{id}"/>"#));
+    assert_eq!(components, expected);
+    // The solid ones are the first at 0 and the second at 50.
+    for bytes in [bytes, again] {
+        let mesh = read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh;
+        assert_eq!((mesh.face_count(), mesh.positions().view().bounds().unwrap().max[0]), (8, 60.0));
+    }
+    // An object of the first part has its own number.
+    let resources = object(1, "", &[""; 4], "") + &assembly(3, 1);
+    let items = r#"<item objectid="1"/><item objectid="3"/>"#;
+    let config = r#"<config><object id="1"><metadata key="name" value="a"/></object><object id="3"><part id="1" subtype="negative_part"/></object></config>"#;
+    let bytes = package_of_parts(&resources, items, &[two("model")], &[(BAMBU, config)]);
+    let (again, warnings) = written(&scene_of(&bytes), &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    assert_eq!(part(&again, BAMBU).unwrap(), config.replace(r#"<part id="1""#, r#"<part id="4""#));
+}
+
+#[test]
+fn settings_of_one_part_for_two_objects_are_a_loss() {
+    let component =
+        |part: u32| format!(r#"<component p:path="/3D/Objects/object_{part}.model" objectid="1"/>"#);
+    let components = component(1) + &component(2);
+    let resources = format!(r#"<object id="3"><components>{components}</components></object>"#);
+    let one = object(1, "", &[""; 4], "");
+    let config = r#"<config><object id="3"><part id="1" subtype="negative_part"/></object></config>"#;
+    let item = r#"<item objectid="3"/>"#;
+    let bytes = package_of_parts(&resources, item, &[one.clone(), one], &[(BAMBU, config)]);
+    let text = "settings of one part of object 3 are those of several objects: only one has them";
+    assert_eq!(losses(scene_of(&bytes).warnings()), [text]);
+}
+
+/// BambuStudio lists the parts of an object by their depth (source: as above, `_generate_current_object_list`).
+#[test]
+fn parts_of_assemblies_in_assemblies_keep_their_roles() {
+    let places = |all: &[(u32, u32)]| -> String {
+        let place = |(id, x): &(u32, u32)| {
+            format!(r#"<component objectid="{id}" transform="1 0 0 0 1 0 0 0 1 {x} 0 0"/>"#)
+        };
+        all.iter().map(place).collect()
+    };
+    let assembly = |id: u32, all: &[(u32, u32)]| {
+        format!(r#"<object id="{id}" type="model"><components>{}</components></object>"#, places(all))
+    };
+    // By depth: 1 at 40, 2 at 0, 1 at 20.
     let model = format!(
-        r#"<resources>{}</resources><build><item objectid="1"/><item objectid="1" p:path="/3D/other.model"/></build>"#,
-        object(1, "", &[""; 4], "")
+        r#"<resources>{}{}{}{}{}</resources><build><item objectid="7"/><item objectid="7" transform="1 0 0 0 1 0 0 0 1 0 50 0"/></build>"#,
+        object(1, "", &[""; 4], ""),
+        object(2, "", &[""; 4], ""),
+        assembly(5, &[(2, 0), (1, 20)]),
+        assembly(6, &[(5, 0)]),
+        assembly(7, &[(6, 0), (1, 40)]),
     );
-    let other = format!(
-        r#"<model unit="millimeter"><resources>{}</resources><build/></model>"#,
-        object(1, "", &[""; 4], "")
-    );
-    let scene = scene_of(&package(
-        &model,
-        &[("3D/other.model", &other), (PRUSA, "<config/>"), ("Metadata/a.config", "b")],
-    ));
-    let (bytes, warnings) = written(&scene, &[], Format::ThreeMf);
-    assert_eq!(
-        losses(&warnings),
-        ["settings of objects name several objects by one number, or one by a very large number: left out"]
-    );
-    assert_eq!((part(&bytes, PRUSA), part(&bytes, "Metadata/a.config").as_deref()), (None, Some("b")));
-    assert_eq!(elements(&model_of(&bytes), "<object").len(), 2);
+    let config = r#"<config><object id="7">
+<part id="1" subtype="normal_part"/>
+<part id="2" subtype="negative_part"/>
+<part id="1" subtype="support_blocker"/>
+</object></config>"#;
+    let bytes = package(&model, &[(BAMBU, config)]);
+    let scene = scene_of(&bytes);
+    assert_eq!(losses(scene.warnings()), [""; 0]);
+    let (again, warnings) = written(&scene, &[], Format::ThreeMf);
+    assert_eq!(losses(&warnings), [""; 0]);
+    assert_eq!(part(&again, BAMBU).unwrap(), config);
+    for bytes in [bytes, again] {
+        let mesh = read_bytes(&bytes, &ReadOptions::default()).unwrap().mesh;
+        assert_eq!((mesh.face_count(), mesh.positions().view().bounds().unwrap().min[0]), (8, 40.0));
+    }
+}
+
+/// Below 64 levels, components were merged into the object above, and volumes became solid.
+#[test]
+fn deep_components_keep_their_volumes() {
+    for depth in [70, 255, 256] {
+        let mut resources = object(7, "", &[""; 8], "");
+        for at in 0..depth {
+            let (id, below) = (100 + at, if at == 0 { 7 } else { 99 + at });
+            resources += &format!(
+                r#"<object id="{id}"><components><component objectid="{below}"/></components></object>"#
+            );
+        }
+        let model =
+            format!(r#"<resources>{resources}</resources><build><item objectid="{}"/></build>"#, 99 + depth);
+        let bytes = package(&model, &[(PRUSA, PRUSA_CONFIG)]);
+        if depth == 256 {
+            let error = read_scene_bytes(&bytes, &ReadOptions::default()).unwrap_err().to_string();
+            assert!(error.contains("nested more than 256 deep"), "{error}");
+            continue;
+        }
+        let (again, warnings) = written(&scene_of(&bytes), &[], Format::ThreeMf);
+        assert_eq!(losses(&warnings), [""; 0]);
+        assert_eq!(part(&again, PRUSA).unwrap(), PRUSA_CONFIG);
+        assert_eq!(elements(&model_of(&again), "<component ").len(), depth);
+        assert_eq!(read_bytes(&again, &ReadOptions::default()).unwrap().mesh.face_count(), 4);
+    }
 }
 
 #[test]

@@ -7,14 +7,12 @@ use lodsmith_core::Model;
 use lodsmith_core::model::{Node, Transform};
 use serde_json::Value;
 
-use super::build::BUILD_NODE;
+use super::build::{BUILD_NODE, MAX_DEPTH};
+use super::kept::END_OF_NUMBERS;
 use super::model::OTHER_TYPES;
 use super::resources::ItemMark;
 use crate::frame::{Frame, Unit};
 
-/// Nodes deeper than this become components of the object at this depth. Guessed: deeper than any assembly, and other
-/// readers may descend by recursion.
-const MAX_DEPTH: usize = 64;
 /// Axes whose volume is smaller than this share of the product of their lengths are nearly coplanar. Guessed: rounding of
 /// single precision is smaller.
 const MIN_VOLUME: f64 = 1e-6;
@@ -51,8 +49,7 @@ pub(super) struct ObjectFacts {
 impl ObjectFacts {
     fn new(of_node: &Value, keeps_ids: bool) -> Self {
         let id = of_node["object"].as_u64().filter(|_| keeps_ids).and_then(|id| u32::try_from(id).ok());
-        // Guessed: far more than any file has, and all further numbers are small enough.
-        let id = id.filter(|id| *id < 1 << 30);
+        let id = id.filter(|id| *id < END_OF_NUMBERS);
         Self { kind: OTHER_TYPES.into_iter().find(|kind| of_node["type"] == *kind), id }
     }
 }
@@ -130,7 +127,9 @@ impl Assemblies {
             None => (Unit::Meter, &model.roots, z_up_from_gltf()),
         };
         let mut new = Self { has_known_ids: is_project, ..Self::empty(unit) };
-        let placed = new.placed_nodes(&model.nodes, roots, first);
+        // Volumes are no components.
+        let is_volume = |node: usize| is_project && !of_node(node)["volume"].is_null();
+        let placed = new.placed_nodes(&model.nodes, roots, first, is_volume);
         let mut parts: Vec<Vec<ObjectPlace>> = placed.iter().map(|_| Vec::new()).collect();
         let mut known: HashMap<(String, ObjectFacts, Vec<PlaceBits>), usize> = HashMap::new();
         // Children follow their parents, so all components of a node are known when it is reached.
@@ -227,8 +226,15 @@ impl Assemblies {
         (nodes.into_iter().map(name_of).collect(), left_out)
     }
 
-    /// Returns the nodes that place something, parents before their children.
-    fn placed_nodes(&mut self, nodes: &[Node], roots: &[usize], first: DMat4) -> Vec<PlacedNode> {
+    /// Returns the nodes that place something, parents before their children. Nodes deeper than a reader takes, but for
+    /// volumes, become components of the object above.
+    fn placed_nodes(
+        &mut self,
+        nodes: &[Node],
+        roots: &[usize],
+        first: DMat4,
+        is_volume: impl Fn(usize) -> bool,
+    ) -> Vec<PlacedNode> {
         let mut placed: Vec<PlacedNode> = Vec::new();
         let mut open: Vec<(usize, Option<usize>, DMat4, usize)> =
             roots.iter().rev().map(|&root| (root, None, first, 0)).collect();
@@ -239,13 +245,15 @@ impl Assemblies {
                 continue;
             }
             placed.push(PlacedNode { parent, node, transform });
-            let (parent, above) = if depth < MAX_DEPTH {
-                (Some(placed.len() - 1), DMat4::IDENTITY)
-            } else {
-                (parent, transform)
-            };
-            let children = nodes[node].children.iter().rev();
-            open.extend(children.map(|&child| (child, parent, above, depth + 1)));
+            let own = placed.len() - 1;
+            for &child in nodes[node].children.iter().rev() {
+                let (parent, above) = if depth + 1 < MAX_DEPTH || is_volume(child) {
+                    (Some(own), DMat4::IDENTITY)
+                } else {
+                    (parent, transform)
+                };
+                open.push((child, parent, above, depth + 1));
+            }
         }
         placed
     }

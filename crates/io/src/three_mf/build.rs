@@ -7,7 +7,7 @@ use glam::{DMat4, DVec3};
 use lodsmith_core::numbers::counted;
 use serde_json::{Value, json};
 
-use super::kept::{OF_THREE_MF, name_of};
+use super::kept::{END_OF_NUMBERS, OF_THREE_MF, name_of};
 use super::marks::{ExactPaint, Marks};
 use super::model::parse;
 use super::package::Package;
@@ -39,7 +39,7 @@ pub(super) const BUILD_NODE: &str = "3MF build";
 /// file has, and within memory.
 const ALWAYS_ALLOWED_NODES: usize = 1 << 16;
 const MAX_NODES: usize = 1 << 21;
-const MAX_DEPTH: usize = 256;
+pub(super) const MAX_DEPTH: usize = 256;
 /// Number of bytes of XML that allow one more node.
 const BYTES_PER_NODE: usize = 16;
 
@@ -72,6 +72,7 @@ pub(super) fn build(
     let nodes = ALWAYS_ALLOWED_NODES.saturating_add(unpacked as usize / BYTES_PER_NODE).min(MAX_NODES);
     let mut builder = ThreeMfScene {
         scene,
+        new_numbers: new_numbers(&parts),
         settings,
         paint: BTreeMap::new(),
         placed: BTreeSet::new(),
@@ -83,6 +84,8 @@ pub(super) fn build(
         materials: HashMap::new(),
         textures: HashMap::new(),
         open: Vec::new(),
+        next_parts: Vec::new(),
+        part_numbers: BTreeMap::new(),
         nodes,
     };
     let frame = Frame::new(builder.parts[0].unit(), true);
@@ -94,9 +97,26 @@ pub(super) fn build(
     kept.namespaces.clone_from(&builder.parts[0].namespaces);
     kept.paint = builder.paint;
     kept.objects = builder.placed;
+    kept.part_numbers = builder.part_numbers;
     let mut built = builder.scene.finish(&roots);
     built.kept = Some(Arc::new(kept));
     Ok((built, frame))
+}
+
+/// Returns numbers for objects whose own number an object of an earlier part has: all are in one part when they are
+/// written again.
+fn new_numbers(parts: &[Arc<Part>]) -> HashMap<Id, u32> {
+    let of_part =
+        |(at, part): (usize, &Arc<Part>)| part.objects.keys().map(|&id| (at, id)).collect::<Vec<_>>();
+    let all: Vec<Id> = parts.iter().enumerate().flat_map(of_part).collect();
+    let mut last = all.iter().map(|(_, id)| *id).filter(|id| *id < END_OF_NUMBERS).max().unwrap_or(0);
+    let mut taken = HashSet::new();
+    let repeated = all.into_iter().filter(|(_, id)| !taken.insert(*id));
+    let numbered = repeated.map(|id| {
+        last += 1;
+        (id, last)
+    });
+    numbered.collect()
 }
 
 /// Reads the first model, and the other parts that it refers to.
@@ -138,8 +158,15 @@ struct ThreeMfScene<'a> {
     /// Materials by group, and by entry for groups that have a material for each.
     materials: HashMap<(Id, Option<u32>), Option<usize>>,
     textures: HashMap<Id, Option<usize>>,
-    /// The objects that contain the object that is being placed.
+    /// The objects that contain the object that is being placed; the first is the object of an item.
     open: Vec<Id>,
+    /// Numbers of objects that need another one than their own.
+    new_numbers: HashMap<Id, u32>,
+    /// If settings name parts of the object of this item: for each depth, the place of the next object without components
+    /// in the list of all.
+    next_parts: Vec<usize>,
+    /// See [`KeptContents::part_numbers`](super::kept::KeptContents::part_numbers).
+    part_numbers: BTreeMap<(u32, usize), u32>,
     /// Number of nodes that may still be created.
     nodes: usize,
 }
@@ -149,13 +176,13 @@ impl ThreeMfScene<'_> {
         let first = self.parts[0].clone();
         let mut roots = Vec::new();
         for item in &first.items {
-            roots.push(self.place(0, item, 0)?);
+            roots.push(self.place(0, item)?);
         }
         if first.items.is_empty() {
             let used: HashSet<u32> =
                 first.objects.values().flat_map(|o| &o.components).map(|c| c.object).collect();
             for &object in first.objects.keys().filter(|id| !used.contains(id)) {
-                roots.push(self.place(0, &PlacedObject { object, ..PlacedObject::default() }, 0)?);
+                roots.push(self.place(0, &PlacedObject { object, ..PlacedObject::default() })?);
             }
             if !roots.is_empty() {
                 self.scene.warn(Warning::note("the build has no items: all objects are placed"));
@@ -177,13 +204,14 @@ impl ThreeMfScene<'_> {
         Ok(vec![self.scene.add("nodes", root)])
     }
 
-    /// Adds a node for an object at a place, with all below it; returns its index. `index`: its number among the components
-    /// of an object.
-    fn place(&mut self, from: usize, place: &PlacedObject, index: usize) -> Result<usize, ReadError> {
-        let part = match &place.path {
-            Some(path) => self.paths.get(&name_of(path)).copied().unwrap_or(from),
-            None => from,
-        };
+    /// Returns the part of a placed object.
+    fn part_of(&self, from: usize, place: &PlacedObject) -> usize {
+        place.path.as_ref().and_then(|path| self.paths.get(&name_of(path)).copied()).unwrap_or(from)
+    }
+
+    /// Adds a node for an object at a place, with all below it; returns its index.
+    fn place(&mut self, from: usize, place: &PlacedObject) -> Result<usize, ReadError> {
+        let part = self.part_of(from, place);
         let (id, owner) = ((part, place.object), self.parts[part].clone());
         let name = || format!("object {}", place.object);
         let Some(object) = owner.objects.get(&place.object) else {
@@ -208,13 +236,15 @@ impl ThreeMfScene<'_> {
         if let Some(matrix) = matrix_of_node(matrix(place, scale), &mut self.scene) {
             node["matrix"] = matrix;
         }
-        let parent = self.open.last().filter(|(of, _)| *of == 0).map(|(_, object)| *object);
-        let said = parent.and_then(|parent| self.settings.part(parent, index, place.object));
+        if self.open.is_empty() {
+            self.next_parts = self.first_parts(id);
+        }
+        let said = if object.components.is_empty() { self.next_part(id) } else { None };
         if part == 0 && !(object.triangles.is_empty() && object.components.is_empty()) {
             self.placed.insert(place.object);
         }
         if self.settings.is_present {
-            node["extras"][OF_THREE_MF]["object"] = place.object.into();
+            node["extras"][OF_THREE_MF]["object"] = self.number(id).into();
         }
         for mark in ItemMark::ALL.into_iter().filter(|mark| place.marks.contains(mark)) {
             node["extras"][OF_THREE_MF][mark.name()] = false.into();
@@ -241,14 +271,64 @@ impl ThreeMfScene<'_> {
         }
         let node = self.scene.add("nodes", node);
         self.open.push(id);
-        for (index, component) in object.components.iter().enumerate() {
-            children.push(self.place(part, component, index)?);
+        for component in &object.components {
+            children.push(self.place(part, component)?);
         }
         self.open.pop();
         if !children.is_empty() {
             self.scene.entry("nodes", node)["children"] = children.into();
         }
         Ok(node)
+    }
+
+    /// Returns the number of an object in a file of one part.
+    fn number(&self, id: Id) -> u32 {
+        self.new_numbers.get(&id).copied().unwrap_or(id.1)
+    }
+
+    /// Returns, for each depth below the object of an item, the number of objects without components that are less deep;
+    /// nothing if settings do not name its parts. BambuStudio lists the parts in this order, by depth (source: the file of
+    /// the importer in [`marks`](super::marks), `_generate_current_object_list`).
+    fn first_parts(&self, item: Id) -> Vec<usize> {
+        let (mut firsts, mut first) = (Vec::new(), 0);
+        // More nodes than these are refused.
+        let mut left = self.nodes;
+        let mut level: BTreeMap<Id, usize> = BTreeMap::new();
+        if item.0 == 0 && self.settings.names_parts_of(item.1) {
+            level.insert(item, 1);
+        }
+        while !level.is_empty() && firsts.len() < MAX_DEPTH {
+            firsts.push(first);
+            let mut below = BTreeMap::new();
+            for ((part, id), count) in level {
+                let Some(object) = self.parts[part].objects.get(&id) else { continue };
+                let Some(less) = left.checked_sub(count.saturating_mul(object.components.len())) else {
+                    return firsts;
+                };
+                left = less;
+                first += if object.components.is_empty() { count } else { 0 };
+                for component in &object.components {
+                    *below.entry((self.part_of(part, component), component.object)).or_insert(0) += count;
+                }
+            }
+            level = below;
+        }
+        firsts
+    }
+
+    /// Returns what settings say of the next object without components: `None` if nothing, else what it is if not solid.
+    fn next_part(&mut self, id: Id) -> Option<Option<&'static str>> {
+        let next = self.next_parts.get_mut(self.open.len())?;
+        *next += 1;
+        let (_, item) = *self.open.first().unwrap_or(&id);
+        let (at, role) = self.settings.part(item, *next - 1, id.1)?;
+        let number = self.number(id);
+        if *self.part_numbers.entry((item, at)).or_insert(number) != number {
+            self.scene.warn(Warning::lost(format!(
+                "settings of one part of object {item} are those of several objects: only one has them"
+            )));
+        }
+        Some(role)
     }
 
     /// Counts a further node.

@@ -14,6 +14,10 @@ use crate::gltf::percent_decoded;
 /// The name in `extras` of nodes and primitives under which the data are that only 3MF has.
 pub(crate) const OF_THREE_MF: &str = "3mf";
 
+/// Numbers of objects from this one on are not kept. Guessed: far more than any file has, and all further numbers are small
+/// enough.
+pub(super) const END_OF_NUMBERS: u32 = 1 << 30;
+
 /// The content type of files of which nothing is known.
 const UNKNOWN_TYPE: &str = "application/octet-stream";
 
@@ -33,6 +37,8 @@ pub(crate) struct KeptContents {
     pub(super) is_project: bool,
     /// Numbers of the placed objects of the first part.
     pub(super) objects: BTreeSet<u32>,
+    /// Numbers of parts of objects, by the number of the object in settings, and the place of the part in the list there.
+    pub(super) part_numbers: BTreeMap<(u32, usize), u32>,
     /// Paint of triangles of which a part is painted, by mesh.
     pub(super) paint: BTreeMap<usize, Vec<ExactPaint>>,
 }

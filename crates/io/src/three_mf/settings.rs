@@ -28,13 +28,22 @@ pub(super) struct Volume {
     pub(super) role: Option<&'static str>,
 }
 
+/// The parts of an object.
+#[derive(Default)]
+pub(super) struct PartRoles {
+    /// Numbers, which may repeat, and what each is if not solid.
+    all: Vec<(u32, Option<&'static str>)>,
+    /// The first part of each number.
+    firsts: HashMap<u32, usize>,
+}
+
 /// The parts of objects.
 #[derive(Default)]
 pub(super) struct Settings {
     /// By objects.
     pub(super) volumes: HashMap<u32, Vec<Volume>>,
-    /// By objects: the numbers of their components, which may repeat, and what each is if not solid.
-    pub(super) parts: HashMap<u32, Vec<(u32, Option<&'static str>)>>,
+    /// By objects.
+    pub(super) parts: HashMap<u32, PartRoles>,
     /// True if there is a file of settings of objects.
     pub(super) is_present: bool,
     /// True if such a file cannot be read.
@@ -108,7 +117,9 @@ impl Settings {
                     let part = required_number(e, b"id")?;
                     let kind = attribute(e, b"subtype")?;
                     let role = ROLES.iter().find(|(_, bambu, _)| kind.as_deref() == Some(bambu));
-                    self.parts.entry(object).or_default().push((part, role.map(|(.., ours)| *ours)));
+                    let parts = self.parts.entry(object).or_default();
+                    parts.firsts.entry(part).or_insert(parts.all.len());
+                    parts.all.push((part, role.map(|(.., ours)| *ours)));
                 }
                 (b"volume", Dialect::Prusa) => {
                     let (first, last) = (required_number(e, b"firstid")?, required_number(e, b"lastid")?);
@@ -152,12 +163,19 @@ impl Settings {
         if fits && next == triangles { ObjectVolumes::Several(all) } else { ObjectVolumes::Unfit }
     }
 
-    /// Returns what the settings say of a component of an object: `None` if nothing, else what it is if not solid.
-    /// Components with the same number are told apart by their order.
-    pub(super) fn part(&self, object: u32, index: usize, component: u32) -> Option<Option<&'static str>> {
-        let all = self.parts.get(&object)?;
-        let is_it = |part: &&(u32, Option<&'static str>)| part.0 == component;
-        all.get(index).filter(is_it).or_else(|| all.iter().find(is_it)).map(|part| part.1)
+    /// Returns true if the settings name parts of an object.
+    pub(super) fn names_parts_of(&self, object: u32) -> bool {
+        self.parts.contains_key(&object)
+    }
+
+    /// Returns which part of an object is meant by a place in the list of all and a number, and what it is if not solid;
+    /// `None` if the settings do not name it. Parts with the same number are told apart by their order. (Source: the file
+    /// of the importer of BambuStudio in [`marks`](super::marks), `_generate_volumes_new`.)
+    pub(super) fn part(&self, object: u32, at: usize, id: u32) -> Option<(usize, Option<&'static str>)> {
+        let parts = self.parts.get(&object)?;
+        let is_it = parts.all.get(at).is_some_and(|part| part.0 == id);
+        let at = if is_it { at } else { *parts.firsts.get(&id)? };
+        Some((at, parts.all[at].1))
     }
 }
 
@@ -171,15 +189,22 @@ pub(super) enum ObjectVolumes<'s> {
     Unfit,
 }
 
-/// Returns a file of settings for objects as they are written: with their ranges and numbers of triangles, and without
-/// those that are gone. Another file is returned as it is.
-pub(super) fn updated(path: &str, text: &[u8], objects: &WrittenObjects) -> io::Result<Vec<u8>> {
+/// Returns a file of settings for objects as they are written: with their numbers, ranges and numbers of triangles, and
+/// without those that are gone. Another file is returned as it is. `part_numbers`: see [`KeptContents::part_numbers`].
+pub(super) fn updated(
+    path: &str,
+    text: &[u8],
+    objects: &WrittenObjects,
+    part_numbers: &BTreeMap<(u32, usize), u32>,
+) -> io::Result<Vec<u8>> {
     let Some(dialect) = dialect(path) else { return Ok(text.to_vec()) };
     let mut before = Settings::default();
     before.add(path, text).map_err(io::Error::other)?;
     let mut out = Writer::new(Vec::with_capacity(text.len()));
     let mut reader = quick_xml::Reader::from_reader(text);
-    let mut state = Updating { dialect, objects, before, object: 0, at: 0, next: 0, faces: None };
+    let parts = HashMap::new();
+    let mut state =
+        Updating { dialect, objects, part_numbers, before, object: 0, at: 0, next: 0, parts, faces: None };
     // Number of open elements of one that is left out.
     let mut skipped = 0usize;
     // The events of an instance, which names its object within.
@@ -247,11 +272,14 @@ enum ElementChange {
 struct Updating<'o> {
     dialect: Dialect,
     objects: &'o WrittenObjects,
+    part_numbers: &'o BTreeMap<(u32, usize), u32>,
     before: Settings,
     object: u32,
     /// Number of the next volume, and of its first triangle.
     at: usize,
     next: usize,
+    /// Number of parts so far, by objects.
+    parts: HashMap<u32, usize>,
     /// Number of triangles of the part.
     faces: Option<usize>,
 }
@@ -270,9 +298,16 @@ impl Updating<'_> {
                 gone(is_unfit || !objects.has(self.object))
             }
             (b"part", Dialect::Bambu) => {
-                let part = id(b"id");
+                let at = self.parts.entry(self.object).or_default();
+                let own = id(b"id");
+                let part = self.part_numbers.get(&(self.object, *at)).copied().unwrap_or(own);
+                *at += 1;
                 self.faces = objects.faces.get(&part).copied();
-                gone(!objects.has(part))
+                match objects.has(part) {
+                    true if part == own => ElementChange::None,
+                    true => ElementChange::To(with_attributes(e, &[("id", part.to_string())])),
+                    false => ElementChange::Gone,
+                }
             }
             (b"assemble_item", Dialect::Bambu) => gone(!objects.has(id(b"object_id"))),
             (b"metadata", Dialect::Bambu) => {
@@ -351,9 +386,9 @@ mod tests {
 <config><object id="1" a="&amp;"><metadata type="object" key="name" value="x"/><volume firstid="0" lastid="3"/>
 <volume firstid="4" lastid="9"><metadata key="volume_type" value="NegativeVolume"/><mesh edges_fixed="0"/></volume>
 </object></config>"#;
-        let new = updated(PRUSA, text, &objects).unwrap();
+        let new = updated(PRUSA, text, &objects, &BTreeMap::new()).unwrap();
         assert_eq!(String::from_utf8(new).unwrap(), expected);
         // Damaged settings are not written unchanged: they would be of other objects.
-        assert!(updated(PRUSA, &text[..200], &objects).is_err());
+        assert!(updated(PRUSA, &text[..200], &objects, &BTreeMap::new()).is_err());
     }
 }

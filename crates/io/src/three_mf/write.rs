@@ -198,7 +198,7 @@ fn write_objects(
     }
     for (path, bytes) in kept_files {
         start(&mut zip, path, bytes.len())?;
-        zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written)?)?;
+        zip.write_all(&updated(&path.to_ascii_lowercase(), bytes, &written, &kept.part_numbers)?)?;
     }
     zip.finish().map_err(io::Error::from)?;
     if skipped > 0 {
