@@ -8,11 +8,11 @@ use lodsmith_core::numbers::counted;
 use serde_json::{Value, json};
 
 use super::kept::{END_OF_NUMBERS, OF_THREE_MF, name_of};
-use super::marks::{ExactPaint, Marks};
+use super::marks::{ExactPaint, MAX_MEMBERSHIPS, Marks};
 use super::model::parse;
 use super::package::Package;
 use super::resources::{Group, ItemMark, Object, PaintOfTriangle, Part, PlacedObject, TriangleSet};
-use super::settings::{ObjectVolumes, Settings};
+use super::settings::{ObjectVolumes, Settings, Volume};
 use crate::attributes::{linear_colors, linear_of_srgb};
 use crate::error::{ReadError, Warning};
 use crate::excerpt::excerpt;
@@ -383,14 +383,14 @@ impl ThreeMfScene<'_> {
         };
         let mut made = None;
         if let Some(all) = all {
-            let count = object.triangles.len();
-            if object.sets.iter().flat_map(|set| &set.ranges).any(|[_, last]| *last as usize >= count) {
+            let (sets, is_lost) = sets_of_volumes(object, &all);
+            if is_lost {
                 self.scene.warn(Warning::lost(LOST_SETS));
             }
             self.check_triangles(id, object)?;
             let mut volumes = Vec::with_capacity(all.len());
-            for volume in all {
-                let piece = piece_of(object, volume.first, volume.last);
+            for (volume, sets) in all.into_iter().zip(sets) {
+                let piece = piece_of(object, volume.first, volume.last, sets);
                 volumes.push((volume.role, self.new_mesh(id, &piece)?));
             }
             made = Some(volumes.into());
@@ -758,21 +758,50 @@ fn grouped(keys: impl Iterator<Item = GroupKey>, triangles: &[[u32; 3]]) -> (Vec
     (groups, order)
 }
 
-/// Returns a range of the triangles of an object as an object of its own, with the vertices that they use.
-fn piece_of(object: &Object, first: u32, last: u32) -> Object {
+/// Returns the sets of each volume of an object, which cover its triangles, and whether some are lost: sets that are too
+/// many, or name triangles that are not there.
+fn sets_of_volumes(object: &Object, volumes: &[Volume]) -> (Vec<Vec<TriangleSet>>, bool) {
+    let count = object.triangles.len();
+    let mut of_volumes: Vec<Vec<TriangleSet>> = volumes.iter().map(|_| Vec::new()).collect();
+    let mut last_sets: Vec<Option<usize>> = vec![None; volumes.len()];
+    let mut order: Vec<usize> = (0..volumes.len()).collect();
+    order.sort_unstable_by_key(|&at| volumes[at].first);
+    let ranges = || object.sets.iter().flat_map(|set| &set.ranges);
+    let fits = |[first, last]: [u32; 2]| first <= last && (last as usize) < count;
+    let is_lost = !ranges().all(|range| fits(*range));
+    // A range is in no more volumes than it has triangles.
+    let members = ranges().filter(|range| fits(**range)).map(|[first, last]| (last - first) as usize + 1);
+    if members.fold(0, usize::saturating_add) > count.saturating_mul(MAX_MEMBERSHIPS) {
+        return (of_volumes, true);
+    }
+    for (number, set) in object.sets.iter().enumerate() {
+        for &[first, last] in set.ranges.iter().filter(|range| fits(**range)) {
+            let from = order.partition_point(|&at| volumes[at].last < first);
+            for &at in order[from..].iter().take_while(|&&at| volumes[at].first <= last) {
+                let (volume, sets) = (volumes[at], &mut of_volumes[at]);
+                let range = [first.max(volume.first) - volume.first, last.min(volume.last) - volume.first];
+                let is_same = last_sets[at].replace(number) == Some(number);
+                match sets.last_mut().filter(|_| is_same) {
+                    Some(own) => own.ranges.push(range),
+                    None => {
+                        let (name, identifier) = (set.name.clone(), set.identifier.clone());
+                        sets.push(TriangleSet { name, identifier, ranges: vec![range] });
+                    }
+                }
+            }
+        }
+    }
+    (of_volumes, is_lost)
+}
+
+/// Returns a range of the triangles of an object as an object of its own, with the vertices that they use and these sets.
+fn piece_of(object: &Object, first: u32, last: u32, sets: Vec<TriangleSet>) -> Object {
     let range = first as usize..last as usize + 1;
     let triangles = &object.triangles[range.clone()];
     let mut used: Vec<u32> = triangles.as_flattened().to_vec();
     used.sort_unstable();
     used.dedup();
     let number = |v: u32| used.binary_search(&v).unwrap_or(0) as u32;
-    let within =
-        |[a, b]: [u32; 2]| (a <= last && b >= first).then(|| [a.max(first) - first, b.min(last) - first]);
-    let sets = object.sets.iter().filter_map(|set| {
-        let ranges: Vec<[u32; 2]> = set.ranges.iter().copied().filter_map(within).collect();
-        let (name, identifier) = (set.name.clone(), set.identifier.clone());
-        (!ranges.is_empty()).then_some(TriangleSet { name, identifier, ranges })
-    });
     let [from, to] = [first, last + 1].map(|at| object.paint.partition_point(|p| p.triangle < at));
     let paint = object.paint[from..to].iter();
     Object {
@@ -783,7 +812,7 @@ fn piece_of(object: &Object, first: u32, last: u32) -> Object {
         triangles: triangles.iter().map(|t| t.map(number)).collect(),
         properties: range.clone().map_while(|at| object.properties.get(at).copied()).collect(),
         paint: paint.map(|p| PaintOfTriangle { triangle: p.triangle - first, ..*p }).collect(),
-        sets: sets.collect(),
+        sets,
         components: Vec::new(),
     }
 }

@@ -43,7 +43,7 @@ pub(super) const SETS_NAMESPACE: &str = "http://schemas.microsoft.com/3dmanufact
 /// Limit on combinations of sets. Guessed: more regions than this leave nothing to reduce.
 const MAX_COMBINATIONS: usize = 1 << 10;
 /// Limit on memberships in sets for each triangle, in the mean. Guessed: more than programs write.
-const MAX_MEMBERSHIPS: usize = 16;
+pub(super) const MAX_MEMBERSHIPS: usize = 16;
 
 /// Paint of a triangle of which a part is painted: its number, an index into [`PAINTS`], and the text.
 pub(super) type ExactPaint = (u32, u8, Box<str>);
