@@ -18,7 +18,7 @@ use crate::error::AssetError;
 use crate::images::FolderMove;
 use crate::job::Job;
 use crate::memory_need::{self, Size};
-use crate::orient::orient;
+use crate::orient::{orient, rows_for_build};
 use crate::palettes::Palettes;
 use crate::paths::Source;
 use crate::sizes::{self, WriteOutcome};
@@ -507,6 +507,9 @@ fn write_scene(
         }
     }
     let mut written = if to.format.keeps_scenes() {
+        if to.writing.moves() {
+            scene.transform_build(rows_for_build(scene.format(), &to.writing));
+        }
         to.write_scene(&scene, &replaced, &|uri| folder_move.uri(uri), job)?
     } else {
         let joined = scene.joined(&replaced)?;

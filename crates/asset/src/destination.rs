@@ -95,9 +95,9 @@ pub struct Destination {
 
 impl Destination {
     /// Returns true if a scene stays a scene: the format has scenes, and the scene is not rotated or scaled, which
-    /// would need changes of its nodes.
+    /// would need changes of nodes, animations and skins in glTF. In 3MF, the items of the build are moved.
     pub fn keeps_scenes(&self) -> bool {
-        self.format.keeps_scenes() && !self.writing.moves()
+        self.format == Format::ThreeMf || (self.format.keeps_scenes() && !self.writing.moves())
     }
 
     /// Returns true if materials are written.

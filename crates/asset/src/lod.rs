@@ -138,7 +138,8 @@ impl LodRecipe {
             Some(Warning::note(format!("level {}: {}", k + 1, starved(&counts)?)))
         });
         warnings.extend(starved);
-        let scale = if asset.scene().is_some() { 1.0 } else { writing.scale.unwrap_or(1.0) };
+        // A mesh that became a scene is scaled already.
+        let scale = if is_gltf { 1.0 } else { writing.scale.unwrap_or(1.0) };
         let mut levels = Vec::with_capacity(made.len());
         let mut meshes = vec![geomorphed_originals(&asset, &geomorphs[0])];
         for level in made {

@@ -1,6 +1,7 @@
 //! Scaling and rotation of the output.
 
 use lodsmith_core::TriMesh;
+use lodsmith_io::Format;
 
 use crate::destination::{Up, Writing};
 
@@ -21,6 +22,16 @@ pub fn orient(mesh: &mut TriMesh, writing: &Writing) {
 /// Returns a position of a mesh after [`orient`].
 pub(crate) fn oriented(p: [f64; 3], writing: &Writing) -> [f64; 3] {
     turn(p, writing.up).map(|x| x * writing.scale.unwrap_or(1.0))
+}
+
+/// Returns the rows of the map of [`orient`] for a scene that was read from this format, in the coordinates of a 3MF file
+/// that it is written to.
+pub(crate) fn rows_for_build(read: Format, writing: &Writing) -> [[f64; 3]; 3] {
+    // The rotation is about the axes of the file that was read: y is up, but for 3MF.
+    let into_read = writing.up.filter(|_| read != Format::ThreeMf).map(|_| Up::Y);
+    let axis = |k: usize| oriented(turn([0, 1, 2].map(|i| f64::from(u8::from(i == k))), into_read), writing);
+    let columns = [0, 1, 2].map(axis);
+    [0, 1, 2].map(|row| columns.map(|column| column[row]))
 }
 
 /// Rotates by 90 degrees about x: the handedness is kept, and zero stays positive zero.

@@ -52,6 +52,8 @@ pub struct Scene {
     source_vertices: Option<Arc<BTreeMap<usize, Vec<u32>>>>,
     /// Contents of a 3MF file that the scene does not hold.
     kept: Option<Arc<KeptContents>>,
+    /// See [`Scene::transform_build`].
+    build_transform: Option<[[f64; 3]; 3]>,
     /// Number of bytes of the buffers that were decoded from compressed streams.
     pub(super) unpacked: usize,
     /// Location of images in separate files.
@@ -234,6 +236,7 @@ impl Scene {
             format,
             source_vertices: None,
             kept: None,
+            build_transform: None,
             unpacked,
             assets,
             limits,
@@ -515,6 +518,17 @@ impl Scene {
     /// Returns what a 3MF file has beside its scene; `None` for a scene of another format.
     pub(crate) fn kept(&self) -> Option<&KeptContents> {
         self.kept.as_deref()
+    }
+
+    /// Transforms everything that is placed by a linear map, whose rows these are, when the scene is written as 3MF: in the
+    /// coordinates of that file, with z up. Other formats are not affected.
+    pub fn transform_build(&mut self, rows: [[f64; 3]; 3]) {
+        self.build_transform = Some(rows);
+    }
+
+    /// Returns the rows of the map of [`transform_build`](Self::transform_build).
+    pub(crate) fn build_transform(&self) -> Option<[[f64; 3]; 3]> {
+        self.build_transform
     }
 
     /// Returns what only 3MF has of a node; null for nothing.

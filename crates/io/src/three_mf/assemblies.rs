@@ -69,6 +69,8 @@ pub(super) struct Assemblies {
     /// Objects of components; each places only meshes and earlier objects.
     pub(super) all: Vec<Assembly>,
     pub(super) items: Vec<ObjectPlace>,
+    /// True if all items are scaled or rotated.
+    pub(super) is_moved: bool,
     /// Facts of objects that are meshes.
     pub(super) of_meshes: BTreeMap<usize, ObjectFacts>,
     /// Volumes of objects, by the mesh of the first one: numbers and meshes.
@@ -105,6 +107,7 @@ impl Assemblies {
             unit,
             all: Vec::new(),
             items: Vec::new(),
+            is_moved: false,
             of_meshes: BTreeMap::new(),
             volumes: BTreeMap::new(),
             has_known_ids: false,
@@ -115,18 +118,21 @@ impl Assemblies {
 
     /// Takes the nodes of a model in the coordinates of glTF. A node with only a mesh places the object of that mesh, a
     /// node with children becomes an object of components; equal nodes share an object. Meshes without faces are left
-    /// out. `of_node`: what 3MF says of a node; `is_project`: true if settings of a slicer are kept, which name objects.
+    /// out. `of_node`: what 3MF says of a node; `is_project`: true if settings of a slicer are kept, which name objects;
+    /// `moved`: a transform of all items, in the coordinates of the file.
     pub(super) fn new<'a>(
         model: &Model,
         has_faces: impl Fn(usize) -> bool,
         of_node: impl Fn(usize) -> &'a Value,
         is_project: bool,
+        moved: DMat4,
     ) -> Self {
         let (unit, roots, first) = match build_of(model) {
-            Some((unit, build)) => (unit, &model.nodes[build].children, DMat4::IDENTITY),
-            None => (Unit::Meter, &model.roots, z_up_from_gltf()),
+            Some((unit, build)) => (unit, &model.nodes[build].children, moved),
+            None => (Unit::Meter, &model.roots, moved * z_up_from_gltf()),
         };
-        let mut new = Self { has_known_ids: is_project, ..Self::empty(unit) };
+        let is_moved = moved != DMat4::IDENTITY;
+        let mut new = Self { has_known_ids: is_project, is_moved, ..Self::empty(unit) };
         // Volumes are no components.
         let is_volume = |node: usize| is_project && !of_node(node)["volume"].is_null();
         let placed = new.placed_nodes(&model.nodes, roots, first, is_volume);

@@ -6,9 +6,10 @@ use lodsmith_core::numbers::counted;
 use serde_json::Value;
 
 use super::marks::ExactPaint;
-use super::settings::names_objects;
+use super::settings::{has_heights, names_objects};
 use super::xml::escaped;
 use crate::error::Warning;
+use crate::excerpt::excerpt;
 use crate::gltf::percent_decoded;
 
 /// The name in `extras` of nodes and primitives under which the data are that only 3MF has.
@@ -78,18 +79,28 @@ impl KeptContents {
         warnings
     }
 
-    /// Returns the files that another 3MF file has too: without settings of objects if their numbers are not kept.
+    /// Returns the files that another 3MF file has too: without settings of objects if their numbers are not kept, and
+    /// without heights if `is_moved` says that all objects are scaled or rotated.
     pub(super) fn files_for(
         &self,
-        has_known_ids: bool,
+        (has_known_ids, is_moved): (bool, bool),
         warnings: &mut Vec<Warning>,
     ) -> Vec<&(String, Vec<u8>)> {
-        let is_kept = |path: &str| has_known_ids || !names_objects(&path.to_ascii_lowercase());
-        if !self.files.iter().all(|(path, _)| is_kept(path)) {
+        let mut files: Vec<&(String, Vec<u8>)> = self.files.iter().collect();
+        if !has_known_ids && files.iter().any(|(path, _)| names_objects(&path.to_ascii_lowercase())) {
             let text = "settings of objects name several objects by one number, or one by a very large number: left out";
             warnings.push(Warning::lost(text));
+            files.retain(|(path, _)| !names_objects(&path.to_ascii_lowercase()));
         }
-        self.files.iter().filter(|(path, _)| is_kept(path)).collect()
+        if let Some((path, _)) = files.iter().find(|(path, _)| is_moved && has_heights(path)) {
+            let first = excerpt(path);
+            let text = format!(
+                "settings at heights, such as {first}, are left out: they are those before --scale and --up"
+            );
+            warnings.push(Warning::lost(text));
+            files.retain(|(path, _)| !has_heights(path));
+        }
+        files
     }
 
     /// Returns the relations of the archive to these files: types and targets.

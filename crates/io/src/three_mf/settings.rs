@@ -86,6 +86,19 @@ pub(super) fn counts_objects(path: &str) -> bool {
     COUNTING.iter().any(|end| path.to_ascii_lowercase().ends_with(end))
 }
 
+/// Ends of the names of files that have heights above the bed.
+const WITH_HEIGHTS: [&str; 4] = [
+    "layer_heights_profile.txt",
+    "layer_config_ranges.xml",
+    "custom_gcode_per_layer.xml",
+    "custom_gcode_per_print_z.xml",
+];
+
+/// Returns true if this file has heights above the bed, which do not fit objects of another size or direction.
+pub(super) fn has_heights(path: &str) -> bool {
+    WITH_HEIGHTS.iter().any(|end| path.to_ascii_lowercase().ends_with(end))
+}
+
 /// The number and the triangles of objects as they are written.
 #[derive(Default)]
 pub(super) struct WrittenObjects {

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 
+use glam::{DMat3, DMat4};
 use lodsmith_core::TriMesh;
 use lodsmith_core::numbers::counted;
 use zip::write::{SimpleFileOptions, StreamWriter};
@@ -74,7 +75,10 @@ pub(super) fn write_scene(
     let kept = scene.kept().unwrap_or(&none);
     let is_project = kept.is_project;
     let has_faces = |i: usize| mesh_of(i).face_count() > 0;
-    let placed = Assemblies::new(&model, has_faces, |node| scene.node_of_three_mf(node), is_project);
+    let moved =
+        scene.build_transform().map(|rows| DMat4::from_mat3(DMat3::from_cols_array_2d(&rows).transpose()));
+    let of_node = |node| scene.node_of_three_mf(node);
+    let placed = Assemblies::new(&model, has_faces, of_node, is_project, moved.unwrap_or_default());
     warnings.extend(scene.lost_beside_nodes());
     if placed.flattened > 0 {
         let nodes = counted(placed.flattened, "node flattens its", "nodes flatten their");
@@ -165,7 +169,8 @@ fn write_objects(
         warnings.push(Warning::note("3MF holds colours as bytes: they are rounded"));
     }
     let mut zip: Archive<'_> = ZipWriter::new_stream(out);
-    let files: Vec<&(String, Vec<u8>)> = kept.files_for(placed.has_known_ids, &mut warnings);
+    let files: Vec<&(String, Vec<u8>)> =
+        kept.files_for((placed.has_known_ids, placed.is_moved), &mut warnings);
     start(&mut zip, "[Content_Types].xml", 0)?;
     zip.write_all(kept.content_types(TYPES, &files).as_bytes())?;
     start(&mut zip, "_rels/.rels", 0)?;
