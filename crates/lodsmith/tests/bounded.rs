@@ -3,8 +3,8 @@
 
 use lodsmith::core::{Positions, TriMesh, VertexId};
 use lodsmith::{
-    CleanOptions, ClusterLodOptions, MethodKind, NoControl, NonManifold, Report, SimplifyOptions, Stop,
-    clean, cluster_lod, simplify,
+    CleanOptions, ClusterLodOptions, Length, MethodKind, NoControl, NonManifold, Report, SimplifyOptions,
+    Stop, clean, cluster_lod, simplify,
 };
 use proptest::prelude::*;
 
@@ -133,6 +133,18 @@ fn work_on_a_spindle_is_linear_in_its_spokes() {
             // (A single search was quadratic in the spokes, three times.)
             assert!(report.faces_visited < 1 << 28, "{method:?}: {}", report.faces_visited);
         }
+    }
+}
+
+/// Within a distance, each collapse at the rim compared its samples with all spokes, and each at the tip all with all.
+#[test]
+fn work_within_a_distance_at_a_hub_is_linear_in_its_spokes() {
+    for hub in [fan, spindle] {
+        let work = [500, 2_000].map(|n| {
+            let options = SimplifyOptions::new(Stop::error(Length::OfDiagonal(0.005)));
+            simplify(&hub(n), &options).unwrap().report.faces_visited
+        });
+        assert!(work[1] < 6 * work[0], "{work:?}");
     }
 }
 

@@ -34,6 +34,10 @@ const SHARP_FACTOR: f64 = 3.0;
 const MAX_GRID: usize = 256;
 /// Samples are closer by this factor on a face each time that a result is beyond the limit there.
 const DENSER: f64 = 8.0;
+/// Maximum number of faces of a star after a collapse, and of a vertex next to it whose faces are near it. Samples are
+/// compared with all of them, so the work at a hub would be quadratic. (A vertex has more only as a hub: outputs of
+/// other models stay the same.)
+pub(super) const MAX_BOUNDED_STAR: usize = 128;
 /// Part of the limit that is left for rounding to single precision, in the unit frame.
 const ROUNDING: f64 = 4e-7;
 
@@ -143,6 +147,8 @@ pub(super) struct StarAfter {
     pub(super) faces: Vec<NearFace>,
     pub(super) new_count: usize,
     around: Vec<u32>,
+    /// Number of faces that were visited in tests so far.
+    pub(super) visited: u64,
 }
 
 impl StarAfter {
@@ -171,8 +177,13 @@ impl StarAfter {
         }
         self.around.clear();
         for w in wings.iter().filter(|w| !w.both).flat_map(|w| [w.a, w.b]) {
-            self.around.extend(store.listed(w).iter().map(|c| c.face() as u32));
+            // (The faces of a hub that are next to the star are also those of others.)
+            let listed = store.listed(w);
+            if listed.len() <= MAX_BOUNDED_STAR {
+                self.around.extend(listed.iter().map(|c| c.face() as u32));
+            }
         }
+        self.visited += self.around.len() as u64;
         self.around.sort_unstable();
         self.around.dedup();
         for &face in self.around.iter().filter(|face| !self.old.contains(face)) {
@@ -191,8 +202,10 @@ impl StarAfter {
     ) -> Option<(f32, u32)> {
         let limit_sq = limit_sq.max(sample.distance_sq);
         let mut best = nearest(sample.p, self.new_faces(), (f32::INFINITY, 0), 0);
+        self.visited += self.new_count as u64;
         if best.0 > limit_sq {
             self.add_around(store, wings);
+            self.visited += (self.faces.len() - self.new_count) as u64;
             best = nearest(sample.p, &self.faces[self.new_count..], best, self.new_count);
         }
         (best.0 <= limit_sq).then_some(best)
@@ -314,6 +327,18 @@ fn sample_input(cover: &Cover, unit_limit: f64, sampling: Option<Sampling<'_>>) 
     samples
 }
 
+/// Returns for each face of the input whether it is at a hub, if a compact store still has all of them: their samples need
+/// no search, which near a hub would visit all of its faces. Empty if not, or if there is no hub.
+fn faces_at_hubs<Q: VertexMemory>(points: &[Vec3], faces: &[[VertexId; 3]], store: &Store<Q>) -> Vec<bool> {
+    let is_hub: Vec<bool> =
+        (0..store.v.len()).map(|v| store.listed(VertexId::new(v)).len() > MAX_BOUNDED_STAR).collect();
+    let is_same = || store.t == faces && store.v.iter().map(|x| &x.p).eq(points);
+    if !is_hub.contains(&true) || !is_same() {
+        return Vec::new();
+    }
+    faces.iter().map(|t| t.iter().any(|v| is_hub[v.index()])).collect()
+}
+
 /// Lists the samples from a head, with their numbers.
 fn listed(samples: &[FaceSample], head: u32) -> impl Iterator<Item = (u32, &FaceSample)> {
     let mut next = head;
@@ -353,10 +378,19 @@ impl Bounded {
         let tree = tree_of(store);
         let mut heads = vec![END; store.t.len()];
         let mut hint = Hint::default();
+        let at_hubs = faces_at_hubs(points, faces, store);
         for (i, s) in samples.iter_mut().enumerate() {
-            let Some(hit) = tree.closest_from(s.p.as_dvec3().to_array(), &mut hint) else { continue };
-            s.distance_sq = hit.distance_sq as f32;
-            s.next = std::mem::replace(&mut heads[hit.face.index()], i as u32);
+            let own = homes(&cover, s).next().filter(|face| at_hubs.get(face.index()) == Some(&true));
+            let face = match own {
+                Some(face) => face,
+                None => {
+                    let hit = tree.closest_from(s.p.as_dvec3().to_array(), &mut hint);
+                    let Some(hit) = hit else { continue };
+                    s.distance_sq = hit.distance_sq as f32;
+                    hit.face
+                }
+            };
+            s.next = std::mem::replace(&mut heads[face.index()], i as u32);
         }
         // Of the faces of the input near a face, the one that is turned like it.
         let over = |(&head, t): (&u32, &[VertexId; 3])| {

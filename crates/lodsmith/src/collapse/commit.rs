@@ -290,7 +290,9 @@ impl<M: Metric> LiveMesh<M> {
         }
         if let Some(bounded) = &self.bounded {
             let ends = [x.origin, z.origin];
-            if let Err(witness) = self.stays_within(bounded, ends, at, &scratch.wings, &mut scratch.bounded) {
+            let tested = self.stays_within(bounded, ends, at, &scratch.wings, &mut scratch.bounded);
+            tally.faces_visited += std::mem::take(&mut scratch.bounded.star.visited);
+            if let Err(witness) = tested {
                 scratch.bounded.witness = witness;
                 return Err(Refusal::ErrorLimit.into());
             }

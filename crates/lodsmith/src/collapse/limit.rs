@@ -16,7 +16,9 @@ use lodsmith_core::measure::proof::local::BoxedFace;
 use lodsmith_core::{FaceId, VertexId};
 
 use super::bound::UNKNOWN;
-use super::bounded::{BoundScratch, Bounded, END, Moved, NearInput, homes, nearest, tree_of};
+use super::bounded::{
+    BoundScratch, Bounded, END, MAX_BOUNDED_STAR, Moved, NearInput, homes, nearest, tree_of,
+};
 use super::components::Component;
 use super::kind::Kind;
 use super::order::NONE;
@@ -130,6 +132,9 @@ impl<M: Metric> LiveMesh<M> {
         star.set(store, at, wings);
         moved.clear();
         near.clear();
+        if star.new_count > MAX_BOUNDED_STAR {
+            return Err(END);
+        }
         // The sample that refused last is likely to refuse again.
         for i in ends.map(|end| bounded.witness[end.index()]) {
             if let Some(s) = bounded.samples.get(i as usize)
@@ -249,7 +254,12 @@ impl<M: Metric> LiveMesh<M> {
         store.ring(u, around);
         for w in distinct(around).chain([u]) {
             bounded.changes[store.v[w.index()].origin.index()] = bounded.change;
+            // (At a hub nearly all edges are as they were.)
+            if store.listed(w).len() > MAX_BOUNDED_STAR {
+                continue;
+            }
             store.ring(w, beyond);
+            buffers.star.visited += beyond.len() as u64;
             for x in beyond.iter().flat_map(|r| [r.a, r.b]).chain([w]) {
                 let bound = &mut store.bound[x.index()];
                 if *bound == f32::INFINITY && x != NONE {
