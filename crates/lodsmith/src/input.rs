@@ -240,6 +240,11 @@ impl<'a> Input<'a> {
         TriMesh::new(positions, self.surface.triangles().to_vec()).map(Cow::Owned)
     }
 
+    /// Replaces the mesh by another one of the same surface, if there is one.
+    pub(crate) fn with_mesh(self, mesh: Option<&'a TriMesh>) -> Self {
+        Self { mesh: mesh.or(self.mesh), ..self }
+    }
+
     /// Returns the vertex of the surface that a vertex of the mesh became.
     pub(crate) fn joined(&self, v: VertexId) -> VertexId {
         self.joined.as_ref().map_or(v, |joined| joined[v.index()])

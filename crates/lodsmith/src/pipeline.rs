@@ -1,7 +1,8 @@
-//! One call of the library, from its input to its result, in six steps.
+//! One call of the library, from its input to its result, in seven steps.
 //!
 //! ```text
 //! complete  extend known attributes where values are missing                                  `missing`
+//! blend     give the vertices mean colours if each face has a colour of its own               `face_colors`
 //! repeat    with looser options, while requested and needed                                   `Attempts`
 //!     prepare   add temporary normals, leave out flat ones,                                   `FlatShading`,
 //!               remove small parts, join near vertices                                        `Prepared`
@@ -12,6 +13,7 @@
 
 pub(crate) mod borders;
 mod escalate;
+mod face_colors;
 mod flat_shading;
 mod missing;
 pub(crate) mod prepare;
@@ -43,6 +45,8 @@ pub(crate) fn simplify(
         return Ok(completed.finished(simplify(&completed.input(input), options, control)?, input));
     }
     let options = &options.with_own_placement();
+    let blended = face_colors::blended(input, options)?;
+    let input = &input.clone().with_mesh(blended.as_ref());
     let mut attempts = Attempts::new(options, simplify_once(input, options, control)?);
     while let Some(change) = attempts.next_change() {
         let done = simplify_once(input, &attempts.changed_options(change), control)?;
@@ -135,6 +139,11 @@ pub(crate) fn simplify_chain(
         return Ok(made.map(finish));
     }
     let options = &options.with_own_placement();
+    let blended = match stops {
+        [most, ..] => face_colors::blended(input, &SimplifyOptions { stop: *most, ..options.clone() })?,
+        [] => None,
+    };
+    let input = &input.clone().with_mesh(blended.as_ref());
     let with_normals = temporary_normals(input, options)?;
     let flat = FlatShading::of(input, options);
     let mut prepared = Prepared::new(input, with_normals.as_ref(), flat.as_ref(), options)?;

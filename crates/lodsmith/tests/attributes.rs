@@ -293,15 +293,92 @@ fn borders_within_a_class_of_regions_are_creases() {
 /// A sheet on which each pair of triangles shows its own piece of a texture. Pieces have size 1, in a grid
 /// with this step.
 fn palette(step: f32) -> TriMesh {
-    let plain = shapes::wavy_sheet(24);
+    let mut mesh = with_own_corners(&shapes::wavy_sheet(24));
+    let uv =
+        |i: usize| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3].map(|x: f32| x + step * (i / 6 % 5) as f32);
+    mesh.set_uvs(Some((0..mesh.wedge_count()).map(uv).collect())).unwrap();
+    mesh
+}
+
+/// Returns a mesh with a wedge for each corner, face after face.
+fn with_own_corners(plain: &TriMesh) -> TriMesh {
     let corners: Vec<WedgeId> = plain.triangles().iter().flatten().copied().collect();
     let vertex_of = corners.iter().map(|&w| plain.vertex_of(w)).collect();
     let triangles = (0..corners.len() as u32 / 3).map(|t| [0, 1, 2].map(|k| WedgeId(3 * t + k))).collect();
-    let mut mesh = TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap();
-    let uv =
-        |i: usize| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][i % 3].map(|x: f32| x + step * (i / 6 % 5) as f32);
-    mesh.set_uvs(Some((0..corners.len()).map(uv).collect())).unwrap();
+    TriMesh::with_wedges(plain.positions().clone(), vertex_of, triangles).unwrap()
+}
+
+/// A blob whose faces have colours of their own: that of their centre, which is linear in space, and a random share.
+fn with_face_colors(random: f32) -> TriMesh {
+    let mut mesh = with_own_corners(&shapes::blob(4, 3));
+    let color = |f: usize| {
+        let centre = |k: usize| mesh.triangles()[f].iter().map(|&w| place(&mesh, w)[k]).sum::<f64>() / 3.0;
+        let own = |k: usize| (f * 3 + k).wrapping_mul(2_654_435_761) as u32 as f32 / u32::MAX as f32 - 0.5;
+        let [r, g, b] = [0, 1, 2].map(|k| 0.5 + 0.25 * centre(k) as f32 + random * own(k));
+        [r, g, b, 1.0]
+    };
+    let colors = (0..mesh.wedge_count()).map(|i| color(i / 3)).collect();
+    mesh.set_colors(Some(colors)).unwrap();
     mesh
+}
+
+/// Every edge was a seam and every corner a wedge, which took five times the time.
+#[test]
+fn colours_of_faces_are_blended_at_the_vertices() {
+    for random in [0.0, 0.2] {
+        let mesh = with_face_colors(random);
+        let got = lighter(&mesh, 0.2);
+        assert_eq!(got.wedge_count(), got.vertex_count());
+        let colors = got.colors().unwrap();
+        for w in wedges(&got) {
+            let wanted = place(&got, w).map(|x| 0.5 + 0.25 * x as f32);
+            let off = (0..3).map(|k| (wanted[k] - colors[w.index()][k]).abs()).fold(0.0, f32::max);
+            assert!(off < 0.05 + 0.5 * random, "{:?} for {wanted:?}", colors[w.index()]);
+            assert_eq!(colors[w.index()][3], 1.0);
+        }
+        // At endpoints all values are of the input.
+        let mut options = SimplifyOptions::new(Stop::ratio(0.2));
+        options.placement = Placement::Endpoint;
+        let got = simplify(&mesh, &options).unwrap().mesh;
+        assert!(got.colors().unwrap().iter().all(|c| mesh.colors().unwrap().contains(c)));
+    }
+}
+
+/// Where faces stay, so do their colours; many corners of the result have a colour of the input.
+#[test]
+fn colours_of_faces_stay_where_faces_stay() {
+    let mesh = with_face_colors(0.2);
+    let got = lighter(&mesh, 0.9);
+    let known: std::collections::BTreeSet<_> =
+        mesh.colors().unwrap().iter().map(|c| c.map(f32::to_bits)).collect();
+    let corners =
+        got.triangles().iter().flatten().map(|w| got.colors().unwrap()[w.index()].map(f32::to_bits));
+    assert!(corners.filter(|c| known.contains(c)).count() > got.face_count());
+}
+
+#[test]
+fn colours_of_faces_stay_at_locked_vertices() {
+    let mesh = with_face_colors(0.2);
+    let locked: Vec<bool> = mesh.positions().view().iter().map(|p| p[2] < -0.7).collect();
+    let options = SimplifyOptions::new(Stop::ratio(0.2));
+    let got = simplify_with(Input::new(&mesh).locked(&locked), &options, &mut NoControl).unwrap().mesh;
+    // The colours of all corners at a place.
+    let at_places = |mesh: &TriMesh| {
+        let mut all = std::collections::BTreeMap::new();
+        for w in mesh.triangles().iter().flatten() {
+            let place = place(mesh, *w).map(f64::to_bits);
+            let own: &mut Vec<_> = all.entry(place).or_default();
+            own.push(mesh.colors().unwrap()[w.index()].map(f32::to_bits));
+        }
+        all
+    };
+    let (before, after) = (at_places(&mesh), at_places(&got));
+    for (v, _) in locked.iter().enumerate().filter(|v| *v.1) {
+        let place = mesh.positions().view().get(VertexId::new(v)).map(f64::to_bits);
+        assert!(after[&place].iter().all(|c| before[&place].contains(c)), "{v}");
+    }
+    // Nothing else has several colours.
+    assert!(got.wedge_count() < mesh.wedge_count() && got.wedge_count() > got.vertex_count());
 }
 
 #[test]
