@@ -577,29 +577,6 @@ fn boxes_of_plates_are_results_of_slicing() {
     assert_eq!(part(&bytes, BAMBU).unwrap(), config.replace("Metadata/plate_1.json", ""));
 }
 
-/// Each volume looked at all ranges of sets.
-#[test]
-fn sets_of_many_volumes_take_linear_time() {
-    const VOLUMES: usize = 40_000;
-    let triangles = format!("<triangle {}/>", TRIANGLES[0]).repeat(VOLUMES);
-    let range = |at: usize| format!(r#"<t:refrange startindex="{at}" endindex="{at}"/>"#);
-    let ranges: String = (0..VOLUMES).map(range).collect();
-    let sets = format!(r#"<t:triangleset name="a" identifier="a">{ranges}</t:triangleset>"#);
-    let model = format!(
-        r#"<resources><object id="7"><mesh>{VERTICES}<triangles>{triangles}</triangles><t:trianglesets>{sets}</t:trianglesets></mesh></object></resources>
-<build><item objectid="7"/></build>"#
-    );
-    let volume = |at: usize| format!(r#"<volume firstid="{at}" lastid="{at}"/>"#);
-    let volumes: String = (0..VOLUMES).map(volume).collect();
-    let config = format!(r#"<config><object id="7">{volumes}</object></config>"#);
-    let bytes = package(&model, &[(PRUSA, &config)]);
-    let start = Instant::now();
-    let scene = scene_of(&bytes);
-    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
-    assert_eq!((losses(scene.warnings()), scene.meshes().len()), (vec![], VOLUMES));
-    assert_eq!(scene.meshes()[VOLUMES - 1].mesh.regions(), None);
-}
-
 #[test]
 fn sets_follow_their_triangles_into_volumes() {
     let sets = r#"<t:trianglesets><t:triangleset name="a" identifier="x"><t:refrange startindex="2" endindex="5"/>
