@@ -344,7 +344,7 @@ fn colours_of_faces_are_blended_at_the_vertices() {
     }
 }
 
-/// Where faces stay, so do their colours; many corners of the result have a colour of the input.
+/// A run that leaves most faces does not blend: a third of the corners of the result and more have a colour of the input.
 #[test]
 fn colours_of_faces_stay_where_faces_stay() {
     let mesh = with_face_colors(0.2);

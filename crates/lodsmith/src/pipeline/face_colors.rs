@@ -1,12 +1,10 @@
 //! Colours of faces: meshes of which each face has a colour of its own. All edges would be seams, and all corners wedges.
 //! A run that leaves few of the faces blends these colours at the vertices.
 
-use std::collections::HashSet;
-
 use glam::DVec3;
 use lodsmith_core::geometry::triangle::double_area_normal;
 use lodsmith_core::mesh::weld::weld;
-use lodsmith_core::{MeshError, TriMesh, VertexId, WedgeId};
+use lodsmith_core::{MeshError, TriMesh, WedgeId};
 
 use crate::input::Input;
 use crate::options::{Placement, SimplifyOptions};
@@ -27,21 +25,6 @@ const MOTLEY_SHARE: f64 = 0.6;
 /// colour, whose borders are worth keeping.)
 const MOTLEY_VERTEX_SHARE: f64 = 0.5;
 
-/// A corner of a face at a vertex.
-#[derive(Clone, Copy)]
-struct ColoredCorner {
-    vertex: VertexId,
-    color: [f32; 4],
-    wedge: WedgeId,
-    area: f64,
-}
-
-impl ColoredCorner {
-    fn key(&self) -> (VertexId, [u32; 4]) {
-        (self.vertex, self.color.map(f32::to_bits))
-    }
-}
-
 /// Blends the colours of an input whose faces have colours of their own: each vertex that is motley and not locked gets
 /// their mean by area. Returns `None` for other inputs, for runs that leave more of the faces, and for those whose results
 /// have only attributes of the input.
@@ -54,11 +37,12 @@ pub(super) fn blended(input: &Input<'_>, options: &SimplifyOptions) -> Result<Op
     if !(leaves_few(mesh, options) && has_face_colors(mesh, colors)) {
         return Ok(None);
     }
-    let corners = corners_by_vertex(mesh, colors);
+    let corners = corners_by_vertex(mesh);
+    let wedge = |corner: u64| mesh.triangles().as_flattened()[corner as u32 as usize];
     let (mut motley, mut vertices) = (Vec::new(), 0);
-    for at_vertex in corners.chunk_by(|a, b| a.vertex == b.vertex) {
+    for at_vertex in corners.chunk_by(|a, b| a >> 32 == b >> 32) {
         vertices += 1;
-        let count = at_vertex.chunk_by(|a, b| a.key() == b.key()).count();
+        let count = distinct(at_vertex.iter().map(|&corner| colors[wedge(corner).index()]));
         if count >= 3 && count as f64 >= MOTLEY_SHARE * at_vertex.len() as f64 {
             motley.push(at_vertex);
         }
@@ -66,12 +50,15 @@ pub(super) fn blended(input: &Input<'_>, options: &SimplifyOptions) -> Result<Op
     if (motley.len() as f64) < MOTLEY_VERTEX_SHARE * f64::from(vertices) {
         return Ok(None);
     }
+    let areas: Vec<f64> = mesh.triangles().iter().map(|t| area(mesh, t)).collect();
     let mut blended = colors.to_vec();
-    let is_locked =
-        |c: &ColoredCorner| input.data.locked.is_some_and(|locked| locked[mesh.vertex_of(c.wedge).index()]);
-    for at_vertex in motley.into_iter().filter(|at_vertex| !at_vertex.iter().any(is_locked)) {
-        let mean = mean(at_vertex);
-        at_vertex.iter().for_each(|c| blended[c.wedge.index()] = mean);
+    for at_vertex in motley {
+        let wedges = || at_vertex.iter().map(|&corner| wedge(corner));
+        if wedges().any(|w| input.data.locked.is_some_and(|locked| locked[mesh.vertex_of(w).index()])) {
+            continue;
+        }
+        let mean = mean(at_vertex.iter().map(|&c| (colors[wedge(c).index()], areas[c as u32 as usize / 3])));
+        wedges().for_each(|w| blended[w.index()] = mean);
     }
     let mut mesh = mesh.clone();
     mesh.set_colors(Some(blended))?;
@@ -100,37 +87,49 @@ fn has_face_colors(mesh: &TriMesh, colors: &[[f32; 4]]) -> bool {
         a == b && a == c
     };
     let faces = mesh.triangles();
-    let mut seen = HashSet::new();
-    let mut is_beyond_palette = |c: &[f32; 4]| seen.insert(c.map(f32::to_bits)) && seen.len() > MAX_PALETTE;
     faces.iter().filter(has_one).count() as f64 >= ONE_COLOR_SHARE * faces.len() as f64
-        && colors.iter().any(&mut is_beyond_palette)
+        && distinct(faces.iter().map(|t| colors[t[0].index()])) > MAX_PALETTE
 }
 
-/// Returns the corners of all faces, those of a vertex or of several at one place together, by colour.
-fn corners_by_vertex(mesh: &TriMesh, colors: &[[f32; 4]]) -> Vec<ColoredCorner> {
-    let view = mesh.positions().view();
-    let same = weld(view);
-    let mut corners = Vec::with_capacity(3 * mesh.face_count());
-    for t in mesh.triangles() {
-        let area = double_area_normal(t.map(|w| DVec3::from(view.get(mesh.vertex_of(w))))).length();
-        let area = if area.is_finite() { area } else { 0.0 };
-        corners.extend(t.map(|wedge| {
-            let vertex = same.of(mesh.vertex_of(wedge));
-            ColoredCorner { vertex, color: colors[wedge.index()], wedge, area }
-        }));
-    }
-    corners.sort_by_key(ColoredCorner::key);
+/// Returns the number of distinct colours, by keys that are very likely to differ.
+fn distinct(colors: impl Iterator<Item = [f32; 4]>) -> usize {
+    let mix =
+        |key: u64, x: f32| (key ^ u64::from(x.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    let mut keys: Vec<u64> = colors.map(|c| c.into_iter().fold(0, mix)).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    keys.len()
+}
+
+/// Returns the corners of all faces, those of a vertex or of several at one place together: the vertex in the upper half,
+/// the number of the corner in the lower.
+fn corners_by_vertex(mesh: &TriMesh) -> Vec<u64> {
+    let same = weld(mesh.positions().view());
+    let vertex = |w: &WedgeId| u64::from(same.of(mesh.vertex_of(*w)).0);
+    let corners = mesh.triangles().as_flattened().iter().zip(0u64..);
+    let mut corners: Vec<u64> = corners.map(|(w, corner)| vertex(w) << 32 | corner).collect();
+    corners.sort_unstable();
     corners
 }
 
-/// Returns the mean colour of corners by area.
-fn mean(corners: &[ColoredCorner]) -> [f32; 4] {
-    let total: f64 = corners.iter().map(|c| c.area).sum();
-    let share = |c: &ColoredCorner| if total > 0.0 { c.area / total } else { 1.0 / corners.len() as f64 };
-    let first = corners[0].color;
+/// Returns twice the area of a face; 0 if it is not finite.
+fn area(mesh: &TriMesh, face: &[WedgeId; 3]) -> f64 {
+    let view = mesh.positions().view();
+    let area = double_area_normal(face.map(|w| DVec3::from(view.get(mesh.vertex_of(w))))).length();
+    if area.is_finite() { area } else { 0.0 }
+}
+
+/// Returns the mean of colours by area.
+fn mean(corners: impl Iterator<Item = ([f32; 4], f64)> + Clone) -> [f32; 4] {
+    let total: f64 = corners.clone().map(|(_, area)| area).sum();
+    let count = corners.clone().count() as f64;
+    let first = corners.clone().next().unwrap_or_default().0;
     // (Relative to the first, so that what is equal everywhere stays exact.)
     std::array::from_fn(|k| {
-        let off = |c: &ColoredCorner| share(c) * (f64::from(c.color[k]) - f64::from(first[k]));
-        (f64::from(first[k]) + corners.iter().map(off).sum::<f64>()) as f32
+        let off = |(color, area): ([f32; 4], f64)| {
+            let share = if total > 0.0 { area / total } else { 1.0 / count };
+            share * (f64::from(color[k]) - f64::from(first[k]))
+        };
+        (f64::from(first[k]) + corners.clone().map(off).sum::<f64>()) as f32
     })
 }
