@@ -38,6 +38,7 @@ pub mod stl;
 pub mod three_mf;
 pub mod vertex_cache;
 pub mod write;
+mod xml;
 
 pub use assets::AssetScope;
 pub use error::{ReadError, Warning, WriteError};

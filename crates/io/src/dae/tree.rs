@@ -1,18 +1,17 @@
 //! The XML of a file as a tree, from the events of `quick-xml`.
 //!
-//! A document type is an error, so no entity but the five of XML is ever expanded. Time and memory are proportional to
-//! the text.
+//! Time and memory are proportional to the text.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
-use quick_xml::Reader;
 use quick_xml::events::attributes::Attributes;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::error::ReadError;
 use crate::excerpt::excerpt;
 use crate::limits::Limits;
+use crate::xml::{line_of, parse_events};
 
 /// An XML document.
 pub(super) struct XmlTree<'a> {
@@ -85,7 +84,7 @@ impl<'a> DaeElement<'a> {
 
     /// Returns the line on which it begins, from 1.
     pub(super) fn line(self) -> usize {
-        line_of(self.tree.text, self.data().at)
+        line_of(self.tree.text.as_bytes(), self.data().at)
     }
 }
 
@@ -100,29 +99,14 @@ impl<'a> XmlTree<'a> {
         limits.check_memory("reading COLLADA", lists.saturating_add(text.len() as u64 * 2))?;
         let tree = Self { text, elements: Vec::new(), attributes: Vec::new() };
         let mut builder = TreeBuilder { tree, open: Vec::new(), is_separated: false };
-        let mut reader = Reader::from_str(text);
-        loop {
-            let damaged = |at: usize, problem: &str| {
-                ReadError::line(line_of(text, at), format!("the XML is damaged: {problem}"))
-            };
-            let event =
-                reader.read_event().map_err(|e| damaged(reader.error_position() as usize, &e.to_string()))?;
-            let end = reader.buffer_position() as usize;
-            match event {
-                Event::Eof => break,
-                Event::DocType(_) => {
-                    return Err(ReadError::line(
-                        line_of(text, end),
-                        "the XML has a document type declaration, which is not supported: remove that line",
-                    ));
-                }
-                event => builder.take(&event, end).map_err(|problem| damaged(end, &problem))?,
-            }
-        }
-        if let Some(open) = builder.open.last() {
-            let problem =
-                format!("the XML is damaged: <{}> has no end", excerpt(builder.tree.elements[*open].tag));
-            return Err(ReadError::line(line_of(text, builder.tree.elements[*open].at), problem));
+        let take = |event: &Event<'_>, end| {
+            builder.take(event, end).map_err(|problem| format!("the XML is damaged: {problem}"))
+        };
+        parse_events(text.as_bytes(), take).map_err(|(line, problem)| ReadError::line(line, problem))?;
+        if let Some(&index) = builder.open.last() {
+            let open = DaeElement { tree: &builder.tree, index };
+            let problem = format!("the XML is damaged: <{}> has no end", excerpt(open.tag()));
+            return Err(ReadError::line(open.line(), problem));
         }
         if builder.tree.elements.is_empty() {
             return Err(ReadError::line(1, "the XML is damaged: it has no element"));
@@ -134,11 +118,6 @@ impl<'a> XmlTree<'a> {
     pub(super) fn root(&'a self) -> DaeElement<'a> {
         DaeElement { tree: self, index: 0 }
     }
-}
-
-/// Returns the line of a byte, from 1.
-fn line_of(text: &str, at: usize) -> usize {
-    memchr::memchr_iter(b'\n', &text.as_bytes()[..at.min(text.len())]).count() + 1
 }
 
 struct TreeBuilder<'a> {

@@ -83,7 +83,8 @@ impl KeptContents {
     /// without heights if `is_moved` says that all objects are scaled or rotated.
     pub(super) fn files_for(
         &self,
-        (has_known_ids, is_moved): (bool, bool),
+        has_known_ids: bool,
+        is_moved: bool,
         warnings: &mut Vec<Warning>,
     ) -> Vec<&(String, Vec<u8>)> {
         let mut files: Vec<&(String, Vec<u8>)> = self.files.iter().collect();

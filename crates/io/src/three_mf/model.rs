@@ -1,9 +1,7 @@
 //! Parser of a model part.
 //!
-//! The XML is read as a stream of events. There is no document type, so no entity but the five of XML is ever
-//! expanded.
+//! The XML is read as a stream of events.
 
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::marks::PAINTS;
@@ -15,9 +13,7 @@ use crate::error::ReadError;
 use crate::excerpt::{excerpt, excerpt_of_bytes};
 use crate::frame::Unit;
 use crate::numbers::{parse_decimal, parse_short_integer};
-
-/// The problem of an element.
-type Problem = String;
+use crate::xml::{self, Problem};
 
 /// glTF codes of texture wrapping.
 const REPEAT: u32 = 10497;
@@ -47,26 +43,14 @@ const EXTENSIONS: &[(&str, Option<&str>)] = &[
     ("beamlattice/balls/2020/07", Some("beam lattices")),
 ];
 
-/// Passes each event of a text to `take`, with its first byte.
+/// Passes each event of a part to `take`.
 pub(super) fn parse_events(
     part: &str,
     text: &[u8],
-    mut take: impl FnMut(&Event<'_>, usize) -> Result<(), Problem>,
+    mut take: impl FnMut(&Event<'_>) -> Result<(), Problem>,
 ) -> Result<(), ReadError> {
-    let mut reader = Reader::from_reader(text);
-    loop {
-        let at = reader.buffer_position() as usize;
-        let result = match reader.read_event() {
-            Ok(Event::Eof) => return Ok(()),
-            Ok(Event::DocType(_)) => Err("it has a document type, which 3MF does not allow".to_owned()),
-            Ok(event) => take(&event, at),
-            Err(e) => Err(format!("the XML is damaged: {e}")),
-        };
-        if let Err(problem) = result {
-            let line = memchr::memchr_iter(b'\n', &text[..at.min(text.len())]).count() + 1;
-            return Err(ReadError::element(format!("{}, line {line}", excerpt(part)), problem));
-        }
-    }
+    xml::parse_events(text, |event, _| take(event))
+        .map_err(|(line, problem)| ReadError::element(format!("{}, line {line}", excerpt(part)), problem))
 }
 
 /// Returns an attribute as text, by its name without a prefix.
@@ -86,7 +70,7 @@ pub(super) fn attribute(element: &BytesStart<'_>, name: &[u8]) -> Result<Option<
 /// Parses a model part.
 pub(super) fn parse(path: &str, text: &[u8]) -> Result<Part, ReadError> {
     let mut parser = ModelParser::default();
-    parse_events(path, text, |event, _| match event {
+    parse_events(path, text, |event| match event {
         Event::Start(e) => parser.begin(e),
         Event::Empty(e) => {
             parser.begin(e)?;

@@ -186,7 +186,7 @@ impl<'a> Package<'a> {
         kept.relations = relations.cloned().collect();
         if let Ok(Some(text)) = self.part(CONTENT_TYPES) {
             // Types that cannot be read are those of no part.
-            let _ = parse_events("[Content_Types].xml", &utf8_of(&text), |event, _| {
+            let _ = parse_events("[Content_Types].xml", &utf8_of(&text), |event| {
                 if let Event::Start(e) | Event::Empty(e) = event
                     && let Some(kind) = attribute(e, b"ContentType")?
                 {
@@ -204,7 +204,7 @@ impl<'a> Package<'a> {
     /// Returns the path of the first model.
     pub(super) fn first_model(&mut self) -> Result<String, ReadError> {
         if let Some(relations) = self.part("_rels/.rels")? {
-            parse_events("_rels/.rels", &utf8_of(&relations), |event, _| {
+            parse_events("_rels/.rels", &utf8_of(&relations), |event| {
                 if let Event::Start(e) | Event::Empty(e) = event
                     && let (Some(kind), Some(target)) = (attribute(e, b"Type")?, attribute(e, b"Target")?)
                 {

@@ -122,7 +122,7 @@ impl Settings {
         let Some(dialect) = dialect(path) else { return Ok(()) };
         self.is_present = true;
         let mut object = 0;
-        parse_events(path, text, |event, _| {
+        parse_events(path, text, |event| {
             let (Event::Start(e) | Event::Empty(e)) = event else { return Ok(()) };
             match (e.local_name().as_ref(), dialect) {
                 (b"object", _) => object = required_number(e, b"id")?,

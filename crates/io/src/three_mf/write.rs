@@ -169,8 +169,7 @@ fn write_objects(
         warnings.push(Warning::note("3MF holds colours as bytes: they are rounded"));
     }
     let mut zip: Archive<'_> = ZipWriter::new_stream(out);
-    let files: Vec<&(String, Vec<u8>)> =
-        kept.files_for((placed.has_known_ids, placed.is_moved), &mut warnings);
+    let files: Vec<&(String, Vec<u8>)> = kept.files_for(placed.has_known_ids, placed.is_moved, &mut warnings);
     start(&mut zip, "[Content_Types].xml", 0)?;
     zip.write_all(kept.content_types(TYPES, &files).as_bytes())?;
     start(&mut zip, "_rels/.rels", 0)?;
