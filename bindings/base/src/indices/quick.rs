@@ -224,6 +224,7 @@ fn faces_by_index_attribute(done: &Simplified) -> Result<Vec<[u32; 3]>, IndexErr
 
 #[cfg(test)]
 mod tests {
+    use lodsmith_core::measure::{CompareOptions, compare};
     use lodsmith_core::shapes;
 
     use super::*;
@@ -299,6 +300,41 @@ mod tests {
             rules: QuickRules::default(),
         };
         assert!(input.run().unwrap().faces.len() < 10);
+    }
+
+    /// A chart of a single face, with lines on all sides, was never removed.
+    #[test]
+    fn charts_of_single_faces_do_not_hold_a_pass_back() {
+        let mesh = shapes::blob(4, 1);
+        let whole: Vec<[f32; 3]> = mesh.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
+        let surface = mesh.surface();
+        let triangles = surface.triangles();
+        let target_faces = triangles.len() / 8;
+        // Every fourth face has vertices of its own.
+        let mut positions = whole.clone();
+        let mut apart = triangles.to_vec();
+        for corner in apart.iter_mut().step_by(4).flatten() {
+            positions.push(whole[corner.index()]);
+            *corner = VertexId(positions.len() as u32 - 1);
+        }
+        let mean = |positions: &[[f32; 3]], triangles: &[[VertexId; 3]]| {
+            let input = QuickInput {
+                positions: positions.to_vec(),
+                triangles: triangles.to_vec(),
+                values: None,
+                flags: None,
+                target_faces,
+                error_limit: None,
+                extent: 2.0,
+                rules: QuickRules::default(),
+            };
+            let faces: Vec<_> = input.run().unwrap().faces.iter().map(|t| t.map(VertexId)).collect();
+            assert_eq!(faces.len(), target_faces);
+            let got = Surface::new(PositionsView::F32(positions), &faces).unwrap();
+            compare(&surface, &got, &CompareOptions::default()).unwrap().mean.symmetric
+        };
+        let [plain, charts] = [mean(&whole, triangles), mean(&positions, &apart)];
+        assert!(charts < 2.0 * plain, "{charts} with charts, {plain} without");
     }
 
     /// The back of a sheet is removed together with its front, whatever else is in the call.
