@@ -11,8 +11,7 @@
 //! measure the result, and report                                                   (report)
 //!
 //! a pass is a run of the engine, or `methods::rebuild` for methods that build a new surface
-//!     topology relaxed   several runs compete where parts, handles or seams block  (relaxed, closest)
-//!     otherwise          a second run competes where seams block                   (this file)
+//!     several runs compete where parts, handles or seams block a run               (race, closest)
 //! a run of the engine: start, sweep, fit, build the mesh                           (trunk, start, result)
 //! ```
 
@@ -24,8 +23,8 @@ mod context;
 mod counted;
 mod goal;
 pub(crate) mod level_search;
+mod race;
 mod recorded;
-mod relaxed;
 mod report;
 mod result;
 mod start;
@@ -36,16 +35,16 @@ use lodsmith_core::VertexId;
 use lodsmith_core::mesh::defects::is_zero_area;
 
 use crate::SimplifyError;
+use crate::collapse::StopReason;
 use crate::collapse::order::{self, Ordered};
-use crate::collapse::{Goal, StopReason};
 use crate::constraints::{self, Constraints};
 use crate::control::{Control, Stage, Verdict};
-use crate::cost::metric::{Metric, with_metric};
+use crate::cost::metric::with_metric;
 use crate::input::Input;
-use crate::options::{MethodKind, SimplifyOptions, TopologyPolicy};
+use crate::options::{MethodKind, SimplifyOptions};
 pub(crate) use chain::{Mergers, chain, is_chained};
+use context::Finished;
 pub(crate) use context::{Done, Pass, Run, RunOutcome};
-use context::{Finished, TopologyChanges};
 pub(crate) use counted::CountedGoal;
 pub(crate) use goal::{goal, share};
 use report::build_report;
@@ -139,14 +138,10 @@ impl Run<'_, '_> {
         if outcome.tally.pairs_contracted > 0 && !self.goal.is_none() && outcome.end != StopReason::Finish {
             // Parts that were joined can no longer be removed one by one, so the target may be harder to
             // reach.
-            let mut options = self.options.clone();
-            options.method = options.method.with_pairs(None);
-            let (input, goal, constraints) = (self.input, self.goal, self.constraints);
-            let (pass, step, is_traced, fits) = (self.pass, self.step, self.is_traced, self.fits);
-            let ordered = &mut *self.ordered;
-            let mut other =
-                Run { input, options: &options, ordered, goal, constraints, pass, step, is_traced, fits };
-            let without = other.run_pass(goal, control)?;
+            let method = self.options.method.with_pairs(None);
+            let options = SimplifyOptions { method, ..self.options.clone() };
+            let mut other = Run { options: &options, ordered: &mut *self.ordered, ..self };
+            let without = other.run_pass(self.goal, control)?;
             outcome = self.closest(vec![outcome, without], Some(0), control)?;
         }
         if self.is_best() && outcome.end == StopReason::Goal {
@@ -155,42 +150,5 @@ impl Run<'_, '_> {
         }
         let deviation = self.measured(&outcome.mesh, control)?;
         Ok((outcome, deviation, false))
-    }
-
-    /// Runs one pass of the engine.
-    fn one_pass<M: Metric>(
-        &mut self,
-        metric: M,
-        goal: Goal,
-        control: &mut dyn Control,
-    ) -> Result<RunOutcome, SimplifyError> {
-        if self.options.topology == TopologyPolicy::Relaxed && !goal.is_none() {
-            return self.relaxed(metric, goal, control);
-        }
-        // With free topology, parts and necks are removed in order of cost from the start.
-        let is_free = self.options.topology == TopologyPolicy::Free;
-        let allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
-        let outcome = self.run_from_start(metric, goal, allowed, control)?;
-        let is_single = self.options.quick.is_some();
-        let competes = !is_single && (outcome.seams_relaxed || outcome.kept_costly_seams);
-        if !competes || goal.is_none() || outcome.end == StopReason::Finish {
-            return Ok(outcome);
-        }
-        let other = self.run_from_start(metric, goal, TopologyChanges { seams: true, ..allowed }, control)?;
-        self.closest(vec![outcome, other], None, control)
-    }
-
-    /// Sweeps from the start to a goal, without a pause.
-    fn run_from_start<M: Metric>(
-        &mut self,
-        metric: M,
-        goal: Goal,
-        allowed: TopologyChanges,
-        control: &mut dyn Control,
-    ) -> Result<RunOutcome, SimplifyError> {
-        let mut trunk = self.begin(metric, allowed, (&[], 0), control)?;
-        let end = self.sweep(&mut trunk, &goal, control)?;
-        let proposes = end == StopReason::Stuck && self.options.quick.is_none();
-        self.finish(&mut trunk.engine, &trunk.root, end, proposes, control)
     }
 }

@@ -93,11 +93,10 @@ impl Run<'_, '_> {
         comparer: &InputComparer,
         control: &mut dyn Control,
     ) -> Result<(Trunk<M>, bool), SimplifyError> {
-        let is_free = self.options.topology == TopologyPolicy::Free;
-        let allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
+        let changes = TopologyChanges::from_start(self.options);
         let mut most_levels = usize::MAX;
         loop {
-            let mut trunk = self.begin(metric, allowed, (&[], 0), control)?;
+            let mut trunk = self.begin(metric, changes, (&[], 0), control)?;
             let mut faces = trunk.engine.mesh.store.live_faces;
             let mut levels = 0;
             while levels < most_levels {

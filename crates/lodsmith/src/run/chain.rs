@@ -19,10 +19,10 @@ use lodsmith_core::VertexId;
 use super::collapses;
 use super::context::{Done, Run, RunOutcome, TopologyChanges};
 use super::goal::goal;
+use super::race::without_touching;
 use super::report::build_report;
 use super::trunk::Trunk;
 use crate::SimplifyError;
-use crate::collapse::cut::may_cut;
 use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::Constraints;
@@ -37,8 +37,7 @@ use crate::options::{Effort, MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 pub(crate) type Mergers = Vec<Vec<VertexId>>;
 
 /// Function that makes the outcomes of all levels in one run.
-type Passes =
-    fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<(RunOutcome, usize)>, SimplifyError>;
+type Passes = fn(&mut Run<'_, '_>, &[Goal], &mut dyn Control) -> Result<Vec<RunOutcome>, SimplifyError>;
 
 fn passes_of(method: MethodKind) -> Option<Passes> {
     with_metric!(method, METRIC => |run, goals, control| run.chain(METRIC, goals, control))
@@ -74,59 +73,46 @@ pub(crate) fn chain(
     let deviations = run.measured_levels(&outcomes, control)?;
     let finished = outcomes.into_iter().zip(deviations).zip(&of_levels);
     let all = finished.map(|((outcome, deviation), own)| {
-        build_report(input, own, &in_order, &constraints, (outcome.0, deviation, false))
+        build_report(input, own, &in_order, &constraints, (outcome, deviation, false))
     });
     Ok((all.collect(), mergers))
 }
 
 impl Run<'_, '_> {
-    /// Returns the outcome of each goal, and the number of its trunk.
+    /// Returns the outcome of each goal.
     fn chain<M: Metric>(
         &mut self,
         metric: M,
         goals: &[Goal],
         control: &mut dyn Control,
-    ) -> Result<Vec<(RunOutcome, usize)>, SimplifyError> {
-        let is_free = self.options.topology == TopologyPolicy::Free;
-        let mut allowed = TopologyChanges { parts: is_free, cuts: is_free, seams: false };
+    ) -> Result<Vec<RunOutcome>, SimplifyError> {
+        let is_relaxed = self.options.topology == TopologyPolicy::Relaxed;
+        let mut changes = TopologyChanges::from_start(self.options);
         let mut trunk: Option<Trunk<M>> = None;
-        let mut number = 0;
-        let mut outcomes: Vec<(RunOutcome, usize)> = Vec::with_capacity(goals.len());
+        let mut outcomes = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
             let control = &mut ProgressShare::of(control, i, goals.len());
-            let mut outcome = self.level(metric, &mut trunk, (i, goals), allowed, control)?;
-            let may_change = self.options.topology == TopologyPolicy::Relaxed;
+            let mut level = |run: &mut Self, trunk: &mut _, changes: &mut _| {
+                without_touching(changes, |changes| run.level(metric, trunk, (i, goals), changes, control))
+            };
+            let mut outcome = level(self, &mut trunk, &mut changes)?;
             let is_short =
                 outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
-            if may_change && !allowed.parts && is_short && outcome.end != StopReason::Finish {
+            if is_relaxed && !changes.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.
-                let (mut second, mut own) =
-                    (None, TopologyChanges { parts: true, cuts: may_cut(self.options), ..allowed });
-                let mut other = self.level(metric, &mut second, (i, goals), own, control)?;
-                if other.has_touching_vertices && other.end != StopReason::Finish {
-                    (second, own.cuts) = (None, false);
-                    other = self.level(metric, &mut second, (i, goals), own, control)?;
-                }
+                let (mut second, mut own) = (None, TopologyChanges::removal(self.options));
+                let other = level(self, &mut second, &mut own)?;
                 if outcome.tally.parts_removed > 0
                     || self.closest_index(&[&outcome, &other], None, control)? == 1
                 {
-                    (trunk, allowed, outcome) = (second, own, other);
-                    number += 1;
+                    (trunk, changes, outcome) = (second, own, other);
                 } else {
                     outcome.proposals = other.proposals;
                 }
-            } else if may_change
-                && allowed.cuts
-                && outcome.has_touching_vertices
-                && outcome.end != StopReason::Finish
-            {
-                (trunk, allowed.cuts) = (None, false);
-                outcome = self.level(metric, &mut trunk, (i, goals), allowed, control)?;
-                number += 1;
             }
             let is_last = outcome.end == StopReason::Finish;
-            outcomes.push((outcome, number));
+            outcomes.push(outcome);
             if is_last {
                 break;
             }
@@ -134,17 +120,18 @@ impl Run<'_, '_> {
         Ok(outcomes)
     }
 
-    /// Sweeps a trunk to a level, from its start if there is none yet, and builds the result.
+    /// Sweeps a trunk to a level, from its start if there is none yet with these changes, and builds the
+    /// result.
     fn level<M: Metric>(
         &mut self,
         metric: M,
         trunk: &mut Option<Trunk<M>>,
         (i, goals): (usize, &[Goal]),
-        allowed: TopologyChanges,
+        changes: TopologyChanges,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         let goal = &goals[i];
-        let mut grown = match trunk.take() {
+        let mut grown = match trunk.take().filter(|trunk| trunk.root.changes == changes) {
             Some(mut trunk) => {
                 control.stage(Stage::Collapse);
                 let weights = trunk.root.weights.get(i).map(Vec::as_slice);
@@ -155,7 +142,7 @@ impl Run<'_, '_> {
                 trunk
             }
             None => {
-                let mut trunk = self.begin(metric, allowed, (goals, i), control)?;
+                let mut trunk = self.begin(metric, changes, (goals, i), control)?;
                 if !self.is_traced {
                     trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
                 }
@@ -187,7 +174,7 @@ impl Run<'_, '_> {
                 (branch, end)
             }
         };
-        let is_last = allowed.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
+        let is_last = changes.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
         let outcome =
             self.finish(&mut engine, &grown.root, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);
@@ -197,7 +184,7 @@ impl Run<'_, '_> {
     /// Measures all levels, if more than their estimates are asked for.
     fn measured_levels(
         &self,
-        outcomes: &[(RunOutcome, usize)],
+        outcomes: &[RunOutcome],
         control: &mut dyn Control,
     ) -> Result<Vec<Deviation>, SimplifyError> {
         if !deviation::needs_measurement(self.options) {
@@ -207,7 +194,7 @@ impl Run<'_, '_> {
             return Ok(vec![Deviation::unknown(); outcomes.len()]);
         }
         let comparer = self.input_comparer(control);
-        let measure = |(i, (outcome, _)): (usize, &(RunOutcome, usize))| match &comparer {
+        let measure = |(i, outcome): (usize, &RunOutcome)| match &comparer {
             Some(comparer) => {
                 comparer.measure(&outcome.mesh, None, &mut ProgressShare::of(control, i, outcomes.len()))
             }
@@ -217,21 +204,22 @@ impl Run<'_, '_> {
     }
 
     /// Returns the vertices of the next level that the vertices of each level were merged into.
-    fn mergers(&self, outcomes: &[(RunOutcome, usize)]) -> Mergers {
+    fn mergers(&self, outcomes: &[RunOutcome]) -> Mergers {
         let home = |homes: &[VertexId], number: VertexId| homes.get(number.index()).copied().unwrap_or(NONE);
         let count = self.input.surface.positions().len();
         let mut mergers = Mergers::new();
-        for (k, (outcome, trunk)) in outcomes.iter().enumerate() {
+        for (k, outcome) in outcomes.iter().enumerate() {
             let Some(trace) = &outcome.trace else { return Mergers::new() };
             mergers.push(match k.checked_sub(1).map(|k| &outcomes[k]) {
                 None => (0..count)
                     .map(|v| self.ordered.rank[self.input.joined(VertexId::new(v)).index()])
                     .map(|number| home(&trace.homes, number))
                     .collect(),
-                Some((RunOutcome { trace: Some(before), .. }, own)) => {
+                Some(RunOutcome { trace: Some(before), .. }) => {
                     // Vertices created by cuts have numbers of their own, which do not exist in another
                     // trunk.
-                    let numbers = if own == trunk { &before.origins } else { &before.places };
+                    let is_same = before.changes == trace.changes;
+                    let numbers = if is_same { &before.origins } else { &before.places };
                     numbers.iter().map(|&number| home(&trace.homes, number)).collect()
                 }
                 Some(_) => return Mergers::new(),

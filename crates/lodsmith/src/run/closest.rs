@@ -26,7 +26,12 @@ impl RunOutcome {
     /// True if another run to the target may be closer to the input: seams gave way, or stayed at a cost, or
     /// cheap parts or necks were kept.
     pub(super) fn has_rivals(&self) -> bool {
-        self.seams_relaxed || self.kept_costly_seams || self.kept_blocking_parts || self.kept_blocking_necks
+        self.seams_block() || self.kept_blocking_parts || self.kept_blocking_necks
+    }
+
+    /// True if seams gave way, or stayed on their lines at a cost.
+    pub(super) fn seams_block(&self) -> bool {
+        self.seams_relaxed || self.kept_costly_seams
     }
 
     /// True if no seams gave way, and no parts or necks were removed.

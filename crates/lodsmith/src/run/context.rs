@@ -3,13 +3,14 @@
 use lodsmith_core::{FaceId, Surface, TriMesh, VertexId, WedgeId};
 
 use super::goal::goal;
+use crate::collapse::cut::may_cut;
 use crate::collapse::order::Ordered;
 use crate::collapse::{Goal, StopReason, Tally};
 use crate::constraints::{Constraints, HeldWedges};
 use crate::control::{Control, Stage, has_time_for};
 use crate::deviation::{self, Deviation, InputComparer};
 use crate::input::Input;
-use crate::options::SimplifyOptions;
+use crate::options::{SimplifyOptions, TopologyPolicy};
 use crate::proposal::Proposal;
 use crate::{Simplified, SimplifyError};
 
@@ -18,7 +19,7 @@ use crate::{Simplified, SimplifyError};
 const MAP_ROUNDING: f64 = 2e-6;
 
 /// Topology changes that a pass may make in order of cost.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default, PartialEq)]
 pub(super) struct TopologyChanges {
     /// Removal of whole parts.
     pub(super) parts: bool,
@@ -28,6 +29,18 @@ pub(super) struct TopologyChanges {
     pub(super) seams: bool,
 }
 
+impl TopologyChanges {
+    /// Returns the changes from the start of a run.
+    pub(super) fn from_start(options: &SimplifyOptions) -> Self {
+        if options.topology == TopologyPolicy::Free { Self::removal(options) } else { Self::default() }
+    }
+
+    /// Returns removal of parts, and cuts if the options allow them.
+    pub(super) fn removal(options: &SimplifyOptions) -> Self {
+        Self { parts: true, cuts: may_cut(options), seams: false }
+    }
+}
+
 /// Result of one pass of the engine.
 pub(crate) struct RunOutcome {
     pub(crate) mesh: TriMesh,
@@ -35,7 +48,7 @@ pub(crate) struct RunOutcome {
     pub(crate) estimate: f64,
     pub(crate) fitted: bool,
     pub(crate) tally: Tally,
-    /// True if vertices that were separated by a cut are at the same position.
+    /// True if vertices that were separated by a cut are at the same position, which only free topology allows.
     pub(crate) has_touching_vertices: bool,
     pub(crate) seams_relaxed: bool,
     /// True if collapses continued after sweeps became unproductive.
@@ -55,6 +68,8 @@ pub(crate) struct RunOutcome {
 
 /// Mapping between the vertices of the ordered input and of a result.
 pub(crate) struct Trace {
+    /// Topology changes of the pass. Passes to two levels of a chain with equal changes continue each other.
+    pub(super) changes: TopologyChanges,
     /// Number in the engine of each vertex of the result.
     pub(super) origins: Vec<VertexId>,
     /// For each of these, the vertex of the ordered input whose position it had at the start.

@@ -47,6 +47,8 @@ pub(super) struct Root {
     originals: Option<fit::Originals>,
     duplicate_faces: usize,
     is_kept: bool,
+    /// Topology changes in order of cost.
+    pub(super) changes: TopologyChanges,
     /// Attribute weights for each goal of a chain.
     pub(super) weights: Vec<Vec<f32>>,
 }
@@ -57,7 +59,7 @@ impl Run<'_, '_> {
     pub(super) fn begin<M: Metric>(
         &mut self,
         metric: M,
-        allowed: TopologyChanges,
+        changes: TopologyChanges,
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
     ) -> Result<Trunk<M>, SimplifyError> {
@@ -66,14 +68,14 @@ impl Run<'_, '_> {
             self.start(metric, false, (goals, level))?;
 
         control.stage(Stage::Collapse);
-        if allowed.parts {
-            engine.mesh.constraints.cuts_necks = allowed.cuts;
+        if changes.parts {
+            engine.mesh.constraints.cuts_necks = changes.cuts;
             engine.enable_part_removal();
         }
-        if allowed.seams {
+        if changes.seams {
             engine.mesh.loosen_seams();
         }
-        let root = Root { rows, originals, duplicate_faces, is_kept, weights };
+        let root = Root { rows, originals, duplicate_faces, is_kept, changes, weights };
         Ok(Trunk { engine, sweeps: None, root: Rc::new(root) })
     }
 
@@ -139,6 +141,7 @@ impl Run<'_, '_> {
             self.removed_distance_sq(&mesh, root, &homes)
         });
         let trace = self.is_traced.then(|| Trace {
+            changes: root.changes,
             origins: engine.mesh.store.v.iter().map(|x| x.origin).collect(),
             places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
             homes: engine.mesh.store.homes(),
@@ -148,7 +151,8 @@ impl Run<'_, '_> {
             end,
             fitted: wants_fit,
             tally: engine.tally.clone(),
-            has_touching_vertices: engine.tally.necks_cut > 0
+            has_touching_vertices: may_relax
+                && engine.tally.necks_cut > 0
                 && weld::weld(mesh.positions().view()).merged_count() > 0,
             seams_relaxed: engine.mesh.has_relaxed_seams(),
             kept_costly_seams: engine.has_blocking_seams(),

@@ -1,13 +1,16 @@
-//! A run that keeps parts and handles if it reaches the target with them, and else removes them in order of
-//! cost.
+//! The runs that compete for a goal.
 //!
-//! The first pass keeps everything. When parts or handles start to block it, a snapshot is taken, and if it
-//! cannot reach the target the second pass starts from there, with parts and necks in order of cost. The
-//! collapses before the snapshot had lower costs, so the order is nearly preserved.
+//! ```text
+//! run      topology changes in order of cost        competes
+//! first    none; with topology `free` removal       always, unless it removed parts because nothing else was left
+//! removal  parts are removed, and necks are cut     topology is `relaxed`; the target is out of reach, or parts or necks
+//!                                                   were kept at a cost
+//! seams    those of the run before, and seams move  seams gave way in a run before, or stayed on their lines at a cost
+//! ```
 //!
-//! A first pass that reaches the target at a cost (seams off their lines, or collapses more expensive than
-//! many parts) is one of several candidates: the second pass is another, and a third lets seams give way in
-//! order of cost too. The result is the candidate that is closest by measurement.
+//! With topology `relaxed`, a snapshot is taken when parts or handles start to block the first run, and the
+//! others start from there. The collapses before it had lower costs, so the order is nearly preserved. The
+//! result is the outcome that is closest by measurement.
 
 use super::context::{Run, RunOutcome, TopologyChanges};
 use super::trunk::Trunk;
@@ -17,100 +20,131 @@ use crate::collapse::snapshot::Snapshot;
 use crate::collapse::{Goal, Pause, StopReason, Sweeps};
 use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::Metric;
+use crate::options::TopologyPolicy;
 
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
 /// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % off with 15 % more faces.)
 const NEARLY_REACHED_FACTOR: f64 = 1.15;
-const NO_CHANGES: TopologyChanges = TopologyChanges { parts: false, cuts: false, seams: false };
+
+/// Makes an outcome; if vertices that a cut separated touch in it, makes one without cuts instead.
+pub(super) fn without_touching(
+    changes: &mut TopologyChanges,
+    mut make: impl FnMut(TopologyChanges) -> Result<RunOutcome, SimplifyError>,
+) -> Result<RunOutcome, SimplifyError> {
+    let outcome = make(*changes)?;
+    if !outcome.has_touching_vertices || outcome.end == StopReason::Finish {
+        return Ok(outcome);
+    }
+    changes.cuts = false;
+    make(*changes)
+}
 
 impl Run<'_, '_> {
-    /// Returns the best of the competing outcomes for a goal; if it is out of reach, perhaps a heavier one.
-    pub(super) fn relaxed<M: Metric>(
+    /// Runs the engine to a goal. Returns the best of the competing outcomes; if the goal is out of reach,
+    /// perhaps a heavier one.
+    pub(super) fn one_pass<M: Metric>(
         &mut self,
         metric: M,
         goal: Goal,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let lightest = self.best_outcome(metric, goal, control)?;
+        let lightest = self.race(metric, &goal, control)?;
         let near = (lightest.mesh.face_count() as f64 * NEARLY_REACHED_FACTOR) as usize;
-        let is_short = lightest.end == StopReason::Stuck && !lightest.keeps_all();
+        let is_short = self.is_relaxed(&goal) && lightest.end == StopReason::Stuck && !lightest.keeps_all();
         let has_other = is_short && near > lightest.mesh.face_count() + 1;
         if !has_other || !has_time_for(Stage::Prepare, control)? {
             return Ok(lightest);
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
-        let other = self.best_outcome(metric, nearly, control)?;
+        let other = self.race(metric, &nearly, control)?;
         self.choose_when_unreachable(lightest, other, control)
     }
 
+    /// True if parts and handles are kept as long as a goal is reached with them.
+    fn is_relaxed(&self, goal: &Goal) -> bool {
+        let has_alternatives = !goal.is_none() && self.options.quick.is_none();
+        has_alternatives && self.options.topology == TopologyPolicy::Relaxed
+    }
+
     /// Returns the best of the competing outcomes for a goal.
-    fn best_outcome<M: Metric>(
+    fn race<M: Metric>(
         &mut self,
         metric: M,
-        goal: Goal,
+        goal: &Goal,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
-        let mut trunk = self.begin(metric, NO_CHANGES, (&[], 0), control)?;
-        let mut sweeps = trunk.engine.begin_sweeps(&goal);
-        let mut snapshot = None;
-        let mut cuts = may_cut(self.options);
-        let mut end =
-            self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::BeforeTopologyChanges, control)?;
-        if end.is_none() {
-            if !trunk.engine.is_past_blocking(cuts) {
-                snapshot = Some(trunk.engine.snapshot(&sweeps));
-            }
-            end = self.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, control)?;
-        }
-        trunk.engine.mesh.store.finish();
-        let end = end.unwrap_or(StopReason::Stuck);
+        let is_relaxed = self.is_relaxed(goal);
+        let mut changes = TopologyChanges::from_start(self.options);
+        let mut trunk = self.begin(metric, changes, (&[], 0), control)?;
+        let (end, snapshot) = self.sweep_first(&mut trunk, goal, control)?;
+        let engine = &mut trunk.engine;
+        let seams_block = engine.mesh.has_relaxed_seams() || engine.has_blocking_seams();
+        let has_several_parts = is_relaxed && engine.mesh.part_count() > 1;
         let mut outcomes = Vec::new();
-        let seams_block = trunk.engine.mesh.has_relaxed_seams() || trunk.engine.has_blocking_seams();
-        // True if removing parts or cutting necks in order of cost may get closer.
-        let mut may_remove = true;
-        if trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
-            may_remove = end == StopReason::Stuck || trunk.engine.mesh.part_count() > 1;
-            let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
-            may_remove |= outcome.kept_blocking_necks;
-            let competes = end == StopReason::Goal && outcome.has_rivals();
-            if end != StopReason::Stuck && !competes {
-                return Ok(outcome);
+        // With topology `relaxed`, a run that removed parts because nothing else was left is no candidate.
+        if !is_relaxed || engine.tally.parts_removed == 0 || end == StopReason::Finish {
+            let is_single = goal.is_none() || self.options.quick.is_some();
+            let proposes = end == StopReason::Stuck && !is_relaxed && self.options.quick.is_none();
+            let first = self.finish(engine, &trunk.root, end, proposes, control)?;
+            let has_rivals = match end {
+                StopReason::Stuck => true,
+                StopReason::Goal => first.has_rivals(),
+                StopReason::Exhausted => !is_relaxed,
+                StopReason::Finish | StopReason::Cancel => false,
+            };
+            if is_single || !has_rivals {
+                return Ok(first);
             }
-            outcomes.push(outcome);
+            outcomes.push(first);
         }
-        // Parts and handles block collapses: remove them in order of cost. Without a snapshot, the memory is
-        // freed because it is needed.
+        // Without a snapshot, the memory is freed because it is needed.
         let mut from = snapshot.map(|snapshot| (snapshot, trunk));
-        if may_remove {
-            let allowed = TopologyChanges { parts: true, cuts, seams: false };
-            let mut second = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
-            if second.has_touching_vertices && second.end != StopReason::Finish {
-                cuts = false;
-                let allowed = TopologyChanges { cuts, ..allowed };
-                second = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
-            }
-            outcomes.push(second);
+        let needs_removal =
+            |first: &RunOutcome| end == StopReason::Stuck || has_several_parts || first.kept_blocking_necks;
+        if is_relaxed && outcomes.iter().all(needs_removal) {
+            changes = TopologyChanges::removal(self.options);
+            let run = |changes| self.run_with_changes(metric, goal, changes, &mut from, control);
+            outcomes.push(without_touching(&mut changes, run)?);
         }
         let is_over = outcomes.last().is_some_and(|last| last.end == StopReason::Finish);
-        let competes =
-            seams_block || outcomes.iter().any(|outcome| outcome.seams_relaxed || outcome.kept_costly_seams);
-        if competes && !is_over {
-            let allowed = TopologyChanges { parts: may_remove, cuts: cuts && may_remove, seams: true };
-            let third = self.run_with_changes(metric, &goal, allowed, &mut from, control)?;
+        if !is_over && (seams_block || outcomes.iter().any(RunOutcome::seams_block)) {
+            let changes = TopologyChanges { seams: true, ..changes };
+            let outcome = self.run_with_changes(metric, goal, changes, &mut from, control)?;
             // If the two sides of a cut touch, another candidate is used.
-            outcomes.extend(Some(third).filter(|third| !third.has_touching_vertices || outcomes.is_empty()));
+            outcomes.extend(Some(outcome).filter(|outcome| !outcome.has_touching_vertices));
         }
         self.closest(outcomes, None, control)
     }
 
-    /// Runs a pass with the topology changes `allowed` in order of cost: from the snapshot, or from the
-    /// start.
+    /// Sweeps to a goal. With topology `relaxed`, also returns a snapshot from when parts and handles started to block
+    /// the run, unless the copy would be too large.
+    fn sweep_first<M: Metric>(
+        &self,
+        trunk: &mut Trunk<M>,
+        goal: &Goal,
+        control: &mut dyn Control,
+    ) -> Result<(StopReason, Option<Snapshot<M>>), SimplifyError> {
+        let pause = if self.is_relaxed(goal) { Pause::BeforeTopologyChanges } else { Pause::Never };
+        let mut sweeps = trunk.engine.begin_sweeps(goal);
+        let mut end = self.resume_trunk(trunk, &mut sweeps, goal, pause, control)?;
+        let mut snapshot = None;
+        if end.is_none() {
+            if !trunk.engine.is_past_blocking(may_cut(self.options)) {
+                snapshot = Some(trunk.engine.snapshot(&sweeps));
+            }
+            end = self.resume_trunk(trunk, &mut sweeps, goal, Pause::Never, control)?;
+        }
+        trunk.engine.mesh.store.finish();
+        Ok((end.unwrap_or(StopReason::Stuck), snapshot))
+    }
+
+    /// Runs with topology changes in order of cost: from the snapshot, or from the start.
     fn run_with_changes<M: Metric>(
         &mut self,
         metric: M,
         goal: &Goal,
-        allowed: TopologyChanges,
+        changes: TopologyChanges,
         from: &mut Option<(Snapshot<M>, Trunk<M>)>,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
@@ -120,16 +154,16 @@ impl Run<'_, '_> {
                 control.stage(Stage::Collapse);
                 let (engine, mut sweeps) = snapshot.restored(&mut trunk.engine);
                 trunk.engine = engine;
-                if allowed.parts {
-                    trunk.engine.allow_topology_changes(&mut sweeps, allowed.cuts, &self.source(&trunk.root));
+                if changes.parts {
+                    trunk.engine.allow_topology_changes(&mut sweeps, changes.cuts, &self.source(&trunk.root));
                 }
-                if allowed.seams {
+                if changes.seams {
                     trunk.engine.mesh.loosen_seams();
                 }
                 (trunk, sweeps)
             }
             None => {
-                own = self.begin(metric, allowed, (&[], 0), control)?;
+                own = self.begin(metric, changes, (&[], 0), control)?;
                 let sweeps = own.engine.begin_sweeps(goal);
                 (&mut own, sweeps)
             }
@@ -192,7 +226,7 @@ mod tests {
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
     fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
-        let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+        let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
         let mut sweeps = trunk.engine.begin_sweeps(goal);
         let end = run
             .resume_trunk(&mut trunk, &mut sweeps, goal, Pause::BeforeTopologyChanges, &mut NoControl)
@@ -237,8 +271,9 @@ mod tests {
         for (mesh, faces) in [(shapes::blob(4, 1), 500), (shapes::blob(5, 2), 100), (tori(), 400)] {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
-                let done = run.relaxed(Memoryless, goal, &mut NoControl).unwrap();
-                let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+                let done = run.one_pass(Memoryless, goal, &mut NoControl).unwrap();
+                let mut trunk =
+                    run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
                 let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
                 assert_eq!((end, plain.tally.parts_removed), (StopReason::Goal, 0));
@@ -268,7 +303,8 @@ mod tests {
     #[test]
     fn only_touching_vertices_are_separated() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
-            let mut trunk = run.begin(Memoryless, NO_CHANGES, (&[], 0), &mut NoControl).unwrap();
+            let mut trunk =
+                run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
             let store = &mut trunk.engine.mesh.store;
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;
