@@ -19,7 +19,7 @@ use crate::collapse::order::NONE;
 use crate::collapse::{Goal, StopReason, Tally};
 use crate::control::{Control, Stage, Verdict};
 use crate::options::Method;
-use crate::run::{Run, RunOutcome};
+use crate::run::{EngineOutcome, RelaxedRules, Run, RunOutcome};
 use task::{Ending, PreparedInput, RebuiltSurface, Task};
 use transfer::with_transferred_attributes;
 
@@ -102,21 +102,13 @@ fn outcome(
     (tally.parts_removed, tally.necks_cut) = (made.parts_removed, made.necks_cut);
     Ok(RunOutcome {
         mesh,
+        held,
         end,
         estimate: prepared.frame.user_length(estimate),
-        fitted: false,
         tally,
-        has_touching_vertices: false,
-        seams_relaxed: made.seams_relaxed,
-        kept_costly_seams: false,
-        is_unproductive: false,
-        kept_blocking_parts: false,
-        kept_blocking_necks: false,
-        sharp_relaxed: false,
         duplicate_faces: prepared.duplicate_faces,
-        proposals: Vec::new(),
-        held,
-        trace: None,
+        relaxed: RelaxedRules { seams: made.seams_relaxed, ..RelaxedRules::default() },
+        engine: EngineOutcome::default(),
     })
 }
 

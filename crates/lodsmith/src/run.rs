@@ -44,7 +44,7 @@ use crate::input::Input;
 use crate::options::{MethodKind, SimplifyOptions};
 pub(crate) use chain::{Mergers, chain, is_chained};
 use context::Finished;
-pub(crate) use context::{Done, Pass, Run, RunOutcome};
+pub(crate) use context::{Done, EngineOutcome, Pass, RelaxedRules, Run, RunOutcome};
 pub(crate) use counted::CountedGoal;
 pub(crate) use goal::{goal, share};
 use report::build_report;

@@ -108,7 +108,7 @@ impl Run<'_, '_> {
                 {
                     (trunk, changes, outcome) = (second, own, other);
                 } else {
-                    outcome.proposals = other.proposals;
+                    outcome.engine.proposals = other.engine.proposals;
                 }
             }
             let is_last = outcome.end == StopReason::Finish;
@@ -209,20 +209,20 @@ impl Run<'_, '_> {
         let count = self.input.surface.positions().len();
         let mut mergers = Mergers::new();
         for (k, outcome) in outcomes.iter().enumerate() {
-            let Some(trace) = &outcome.trace else { return Mergers::new() };
-            mergers.push(match k.checked_sub(1).map(|k| &outcomes[k]) {
+            let Some(trace) = &outcome.engine.trace else { return Mergers::new() };
+            mergers.push(match k.checked_sub(1).map(|k| &outcomes[k].engine.trace) {
                 None => (0..count)
                     .map(|v| self.ordered.rank[self.input.joined(VertexId::new(v)).index()])
                     .map(|number| home(&trace.homes, number))
                     .collect(),
-                Some(RunOutcome { trace: Some(before), .. }) => {
+                Some(Some(before)) => {
                     // Vertices created by cuts have numbers of their own, which do not exist in another
                     // trunk.
                     let is_same = before.changes == trace.changes;
                     let numbers = if is_same { &before.origins } else { &before.places };
                     numbers.iter().map(|&number| home(&trace.homes, number)).collect()
                 }
-                Some(_) => return Mergers::new(),
+                Some(None) => return Mergers::new(),
             });
         }
         mergers

@@ -26,17 +26,17 @@ impl RunOutcome {
     /// True if another run to the target may be closer to the input: seams gave way, or stayed at a cost, or
     /// cheap parts or necks were kept.
     pub(super) fn has_rivals(&self) -> bool {
-        self.seams_block() || self.kept_blocking_parts || self.kept_blocking_necks
+        self.seams_block() || self.engine.kept.parts || self.engine.kept.necks
     }
 
     /// True if seams gave way, or stayed on their lines at a cost.
     pub(super) fn seams_block(&self) -> bool {
-        self.seams_relaxed || self.kept_costly_seams
+        self.relaxed.seams || self.engine.kept.seams
     }
 
     /// True if no seams gave way, and no parts or necks were removed.
     pub(super) fn keeps_all(&self) -> bool {
-        !self.seams_relaxed && self.tally.parts_removed == 0 && self.tally.necks_cut == 0
+        !self.relaxed.seams && self.tally.parts_removed == 0 && self.tally.necks_cut == 0
     }
 }
 
@@ -51,9 +51,9 @@ impl Run<'_, '_> {
     ) -> Result<RunOutcome, SimplifyError> {
         let best = self.closest_index(&outcomes.iter().collect::<Vec<_>>(), asked, control)?;
         let mut chosen = outcomes.swap_remove(best);
-        if chosen.end == StopReason::Stuck && chosen.proposals.is_empty() {
-            let others = outcomes.into_iter().map(|outcome| outcome.proposals);
-            chosen.proposals = others.max_by_key(Vec::len).unwrap_or_default();
+        if chosen.end == StopReason::Stuck && chosen.engine.proposals.is_empty() {
+            let others = outcomes.into_iter().map(|outcome| outcome.engine.proposals);
+            chosen.engine.proposals = others.max_by_key(Vec::len).unwrap_or_default();
         }
         Ok(chosen)
     }
@@ -83,7 +83,7 @@ impl Run<'_, '_> {
         let mut best = (f64::INFINITY, met[0]);
         for &i in &met {
             let favour = match is_favoured(i) {
-                true if outcomes[i].is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
+                true if outcomes[i].engine.is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
                 true => PRODUCTIVE_RESULT_FACTOR,
                 false => 1.0,
             };
@@ -102,7 +102,7 @@ impl Run<'_, '_> {
     pub(super) fn choose_when_unreachable(
         &self,
         lightest: RunOutcome,
-        heavier: RunOutcome,
+        mut heavier: RunOutcome,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         if heavier.end != StopReason::Goal || !has_time_for(Stage::Measure, control)? {
@@ -112,10 +112,11 @@ impl Run<'_, '_> {
         let mut rms = |outcome: &RunOutcome| comparer.rms(&outcome.mesh, COMPARISON_SAMPLES, control);
         let (far, near) = (rms(&lightest)?, rms(&heavier)?);
         let is_far = far.zip(near).is_some_and(|(far, near)| far > UNREACHABLE_FACTOR * near);
-        Ok(if is_far {
-            RunOutcome { end: StopReason::Stuck, proposals: lightest.proposals, ..heavier }
-        } else {
-            lightest
-        })
+        if !is_far {
+            return Ok(lightest);
+        }
+        heavier.end = StopReason::Stuck;
+        heavier.engine.proposals = lightest.engine.proposals;
+        Ok(heavier)
     }
 }

@@ -41,29 +41,47 @@ impl TopologyChanges {
     }
 }
 
-/// Result of one pass of the engine.
+/// Result of one pass.
 pub(crate) struct RunOutcome {
     pub(crate) mesh: TriMesh,
+    pub(crate) held: HeldWedges,
     pub(crate) end: StopReason,
     pub(crate) estimate: f64,
-    pub(crate) fitted: bool,
     pub(crate) tally: Tally,
-    /// True if vertices that were separated by a cut are at the same position, which only free topology allows.
-    pub(crate) has_touching_vertices: bool,
-    pub(crate) seams_relaxed: bool,
-    /// True if collapses continued after sweeps became unproductive.
-    pub(crate) is_unproductive: bool,
-    /// True if seams stayed on their lines at a cost.
-    pub(crate) kept_costly_seams: bool,
-    /// True if parts were kept that were cheaper to remove than the collapses done instead.
-    pub(crate) kept_blocking_parts: bool,
-    /// True if necks were kept that blocked many collapses.
-    pub(crate) kept_blocking_necks: bool,
-    pub(crate) sharp_relaxed: bool,
     pub(crate) duplicate_faces: usize,
-    pub(crate) proposals: Vec<Proposal>,
-    pub(crate) held: HeldWedges,
-    pub(crate) trace: Option<Trace>,
+    pub(crate) relaxed: RelaxedRules,
+    pub(crate) engine: EngineOutcome,
+}
+
+/// Rules that gave way to the target.
+#[derive(Default)]
+pub(crate) struct RelaxedRules {
+    pub(crate) seams: bool,
+    pub(crate) sharp_edges: bool,
+}
+
+/// What only a pass of the engine has.
+#[derive(Default)]
+pub(crate) struct EngineOutcome {
+    pub(super) fitted: bool,
+    pub(super) kept: KeptAtCost,
+    /// True if collapses continued after sweeps became unproductive.
+    pub(super) is_unproductive: bool,
+    /// True if vertices that were separated by a cut are at the same position, which only free topology allows.
+    pub(super) has_touching_vertices: bool,
+    pub(super) proposals: Vec<Proposal>,
+    pub(super) trace: Option<Trace>,
+}
+
+/// What was kept although another run may be closer without it.
+#[derive(Default)]
+pub(super) struct KeptAtCost {
+    /// Seams stayed on their lines, and refused collapses.
+    pub(super) seams: bool,
+    /// Parts were cheaper to remove than the collapses done instead.
+    pub(super) parts: bool,
+    /// Necks blocked many collapses.
+    pub(super) necks: bool,
 }
 
 /// Mapping between the vertices of the ordered input and of a result.

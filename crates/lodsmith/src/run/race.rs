@@ -32,7 +32,7 @@ pub(super) fn without_touching(
     mut make: impl FnMut(TopologyChanges) -> Result<RunOutcome, SimplifyError>,
 ) -> Result<RunOutcome, SimplifyError> {
     let outcome = make(*changes)?;
-    if !outcome.has_touching_vertices || outcome.end == StopReason::Finish {
+    if !outcome.engine.has_touching_vertices || outcome.end == StopReason::Finish {
         return Ok(outcome);
     }
     changes.cuts = false;
@@ -101,7 +101,7 @@ impl Run<'_, '_> {
         // Without a snapshot, the memory is freed because it is needed.
         let mut from = snapshot.map(|snapshot| (snapshot, trunk));
         let needs_removal =
-            |first: &RunOutcome| end == StopReason::Stuck || has_several_parts || first.kept_blocking_necks;
+            |first: &RunOutcome| end == StopReason::Stuck || has_several_parts || first.engine.kept.necks;
         if is_relaxed && outcomes.iter().all(needs_removal) {
             changes = TopologyChanges::removal(self.options);
             let run = |changes| self.run_with_changes(metric, goal, changes, &mut from, control);
@@ -112,7 +112,7 @@ impl Run<'_, '_> {
             let changes = TopologyChanges { seams: true, ..changes };
             let outcome = self.run_with_changes(metric, goal, changes, &mut from, control)?;
             // If the two sides of a cut touch, another candidate is used.
-            outcomes.extend(Some(outcome).filter(|outcome| !outcome.has_touching_vertices));
+            outcomes.extend(Some(outcome).filter(|outcome| !outcome.engine.has_touching_vertices));
         }
         self.closest(outcomes, None, control)
     }

@@ -7,7 +7,7 @@ use lodsmith_core::mesh::weld;
 use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{TriMesh, VertexId};
 
-use super::context::{Run, RunOutcome, TopologyChanges, Trace};
+use super::context::{EngineOutcome, KeptAtCost, RelaxedRules, Run, RunOutcome, TopologyChanges, Trace};
 use super::start::{Started, pairs_reach};
 use crate::SimplifyError;
 use crate::attributes::Rows;
@@ -116,8 +116,11 @@ impl Run<'_, '_> {
         };
         let may_relax = self.options.topology == TopologyPolicy::Relaxed;
         let may_cut = may_cut(self.options);
-        let spares_parts = may_relax && engine.has_blocking_parts(may_cut);
-        let spares_necks = may_relax && may_cut && engine.has_blocking_necks();
+        let kept = KeptAtCost {
+            seams: engine.has_blocking_seams(),
+            parts: may_relax && engine.has_blocking_parts(may_cut),
+            necks: may_relax && may_cut && engine.has_blocking_necks(),
+        };
         let mut fitted = None;
         let wants_fit = self.wants_fit(engine.mesh.cost.metric.cost_source()) && engine.tally.collapses > 0;
         let normals = root.rows.as_ref().filter(|_| !self.input.keeps_blended_normals);
@@ -146,25 +149,27 @@ impl Run<'_, '_> {
             places: engine.mesh.store.v.iter().map(|x| engine.mesh.store.place_of(x.origin)).collect(),
             homes: engine.mesh.store.homes(),
         });
+        let has_touching_vertices =
+            may_relax && engine.tally.necks_cut > 0 && weld::weld(mesh.positions().view()).merged_count() > 0;
         Ok(RunOutcome {
-            estimate: frame.user_length(engine.estimate(fitted, removed)),
-            end,
-            fitted: wants_fit,
-            tally: engine.tally.clone(),
-            has_touching_vertices: may_relax
-                && engine.tally.necks_cut > 0
-                && weld::weld(mesh.positions().view()).merged_count() > 0,
-            seams_relaxed: engine.mesh.has_relaxed_seams(),
-            kept_costly_seams: engine.has_blocking_seams(),
-            is_unproductive: engine.is_unproductive(),
-            kept_blocking_parts: spares_parts,
-            kept_blocking_necks: spares_necks,
-            sharp_relaxed: engine.mesh.has_relaxed_creases(),
-            duplicate_faces: root.duplicate_faces,
-            proposals,
             mesh,
             held,
-            trace: trace.filter(|t| t.origins.len() == engine.mesh.store.v.len()),
+            end,
+            estimate: frame.user_length(engine.estimate(fitted, removed)),
+            tally: engine.tally.clone(),
+            duplicate_faces: root.duplicate_faces,
+            relaxed: RelaxedRules {
+                seams: engine.mesh.has_relaxed_seams(),
+                sharp_edges: engine.mesh.has_relaxed_creases(),
+            },
+            engine: EngineOutcome {
+                fitted: wants_fit,
+                kept,
+                is_unproductive: engine.is_unproductive(),
+                has_touching_vertices,
+                proposals,
+                trace: trace.filter(|t| t.origins.len() == engine.mesh.store.v.len()),
+            },
         })
     }
 
