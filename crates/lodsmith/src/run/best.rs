@@ -127,7 +127,7 @@ impl Run<'_, '_> {
         if end != StopReason::Goal {
             return Ok(None);
         }
-        let outcome = self.finish(&mut trunk.engine, &trunk.root, end, false, control)?;
+        let outcome = self.finish(&mut trunk, end, false, control)?;
         control.stage(Stage::Measure);
         Ok(if plain.is_beaten_by(&outcome, control)? { Some(outcome) } else { None })
     }

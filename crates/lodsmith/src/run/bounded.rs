@@ -6,7 +6,6 @@
 //!                                                                         └── denser samples ◄──┘ there
 //! ```
 
-use std::rc::Rc;
 use std::sync::Arc;
 
 use lodsmith_core::measure::Prepared;
@@ -51,8 +50,7 @@ impl Run<'_, '_> {
             if is_over {
                 break;
             }
-            let mut branch =
-                Trunk { engine: trunk.engine.branch(), root: Rc::clone(&trunk.root), sweeps: None };
+            let mut branch = trunk.branch();
             control.stage(Stage::Collapse);
             let end = self.sweep_bounded(
                 &mut branch,
@@ -60,7 +58,7 @@ impl Run<'_, '_> {
                 comparer,
                 control,
             )?;
-            let outcome = self.finish(&mut branch.engine, &branch.root, end, false, control)?;
+            let outcome = self.finish(&mut branch, end, false, control)?;
             control.stage(Stage::Measure);
             let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
             let found = proven(outcome, &made, limit, comparer, control)?;
@@ -78,7 +76,7 @@ impl Run<'_, '_> {
             return Ok(None);
         }
         // The caller ends the run: the start is the last state that is known to be within the limit.
-        let mut outcome = self.finish(&mut trunk.engine, &trunk.root, StopReason::Finish, false, control)?;
+        let mut outcome = self.finish(&mut trunk, StopReason::Finish, false, control)?;
         outcome.end = StopReason::Finish;
         control.stage(Stage::Measure);
         let Some(made) = PreparedResult::new(&outcome.mesh) else { return Ok(None) };
@@ -106,21 +104,16 @@ impl Run<'_, '_> {
                 }
                 control.stage(Stage::Collapse);
                 let goal = Goal { faces: Some(faces), vertices: self.goal.vertices };
-                let before = trunk.engine.branch();
-                let mut sweeps = trunk.engine.begin_sweeps(&goal);
-                let source = self.source(&trunk.root);
-                let end = trunk.engine.resume_sweeps(&mut sweeps, &goal, Pause::Never, &source, control);
-                match end {
-                    Some(StopReason::Cancel) => return Err(SimplifyError::Cancelled),
-                    Some(StopReason::Goal) => {}
-                    _ => {
-                        trunk.engine = before;
-                        trunk.engine.mesh.store.compact();
-                        if end == Some(StopReason::Finish) {
-                            return Ok((trunk, true));
-                        }
-                        break;
+                let before = trunk.branch();
+                let end = self.resume(&mut trunk, &goal, Pause::Never, control)?;
+                trunk.sweeps = None;
+                if end != Some(StopReason::Goal) {
+                    trunk = before;
+                    trunk.engine.mesh.store.compact();
+                    if end == Some(StopReason::Finish) {
+                        return Ok((trunk, true));
                     }
+                    break;
                 }
                 trunk.engine.mesh.store.compact();
                 control.stage(Stage::Measure);
@@ -129,7 +122,7 @@ impl Run<'_, '_> {
                     None => false,
                 };
                 if !is_near {
-                    trunk.engine = before;
+                    trunk = before;
                     break;
                 }
                 levels += 1;
@@ -169,14 +162,14 @@ impl Run<'_, '_> {
         });
         bounded.max_refusals = max_refusals;
         trunk.engine.set_limit(bounded);
-        let end = trunk.engine.sweep(&self.goal, &source, control);
+        let end = self.sweep(trunk, None, &self.goal, control)?;
         if end == StopReason::Exhausted
             && self.options.topology != TopologyPolicy::Preserve
             && sampling.dense.is_empty()
         {
             trunk.engine.remove_parts_within();
         }
-        if end == StopReason::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }
+        Ok(end)
     }
 
     /// Returns the mesh of a compact engine, to measure it.

@@ -141,42 +141,19 @@ impl Run<'_, '_> {
                 }
                 trunk
             }
-            None => {
-                let mut trunk = self.begin(metric, changes, (goals, i), control)?;
-                if !self.is_traced {
-                    trunk.sweeps = Some(trunk.engine.begin_sweeps(goal));
-                }
-                trunk
-            }
+            None => self.begin(metric, changes, (goals, i), control)?,
         };
-        let (mut engine, end) = match &mut grown.sweeps {
-            None => {
-                let end = self.sweep(&mut grown, goal, control)?;
-                (grown.engine.clone(), end)
-            }
-            Some(sweeps) => {
-                let source = self.source(&grown.root);
-                let ended = grown.engine.resume_sweeps(sweeps, goal, Pause::BeforeGoal, &source, control);
-                let mut branch = grown.engine.branch();
-                let end = match ended {
-                    Some(end) => end,
-                    None => {
-                        let own = &mut sweeps.clone();
-                        branch
-                            .resume_sweeps(own, goal, Pause::Never, &source, control)
-                            .unwrap_or(StopReason::Stuck)
-                    }
-                };
-                if end == StopReason::Cancel {
-                    return Err(SimplifyError::Cancelled);
-                }
-                branch.mesh.store.finish();
-                (branch, end)
-            }
+        let (mut branch, end) = if self.is_traced {
+            let end = self.sweep(&mut grown, None, goal, control)?;
+            (grown.branch(), end)
+        } else {
+            let ended = self.resume(&mut grown, goal, Pause::BeforeGoal, control)?;
+            let mut branch = grown.branch();
+            let end = self.sweep(&mut branch, ended, goal, control)?;
+            (branch, end)
         };
         let is_last = changes.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
-        let outcome =
-            self.finish(&mut engine, &grown.root, end, end == StopReason::Stuck && is_last, control)?;
+        let outcome = self.finish(&mut branch, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);
         Ok(outcome)
     }

@@ -17,7 +17,7 @@ use super::trunk::Trunk;
 use crate::SimplifyError;
 use crate::collapse::cut::may_cut;
 use crate::collapse::snapshot::Snapshot;
-use crate::collapse::{Goal, Pause, StopReason, Sweeps};
+use crate::collapse::{Goal, Pause, StopReason};
 use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::Metric;
 use crate::options::TopologyPolicy;
@@ -77,7 +77,14 @@ impl Run<'_, '_> {
         let is_relaxed = self.is_relaxed(goal);
         let mut changes = TopologyChanges::from_start(self.options);
         let mut trunk = self.begin(metric, changes, (&[], 0), control)?;
-        let (end, snapshot) = self.sweep_first(&mut trunk, goal, control)?;
+        let mut ended = None;
+        if is_relaxed {
+            ended = self.resume(&mut trunk, goal, Pause::BeforeTopologyChanges, control)?;
+        }
+        let may_snapshot =
+            is_relaxed && ended.is_none() && !trunk.engine.is_past_blocking(may_cut(self.options));
+        let snapshot = if may_snapshot { trunk.snapshot() } else { None };
+        let end = self.sweep(&mut trunk, ended, goal, control)?;
         let engine = &mut trunk.engine;
         let seams_block = engine.mesh.has_relaxed_seams() || engine.has_blocking_seams();
         let has_several_parts = is_relaxed && engine.mesh.part_count() > 1;
@@ -86,7 +93,7 @@ impl Run<'_, '_> {
         if !is_relaxed || engine.tally.parts_removed == 0 || end == StopReason::Finish {
             let is_single = goal.is_none() || self.options.quick.is_some();
             let proposes = end == StopReason::Stuck && !is_relaxed && self.options.quick.is_none();
-            let first = self.finish(engine, &trunk.root, end, proposes, control)?;
+            let first = self.finish(&mut trunk, end, proposes, control)?;
             let has_rivals = match end {
                 StopReason::Stuck => true,
                 StopReason::Goal => first.has_rivals(),
@@ -117,28 +124,6 @@ impl Run<'_, '_> {
         self.closest(outcomes, None, control)
     }
 
-    /// Sweeps to a goal. With topology `relaxed`, also returns a snapshot from when parts and handles started to block
-    /// the run, unless the copy would be too large.
-    fn sweep_first<M: Metric>(
-        &self,
-        trunk: &mut Trunk<M>,
-        goal: &Goal,
-        control: &mut dyn Control,
-    ) -> Result<(StopReason, Option<Snapshot<M>>), SimplifyError> {
-        let pause = if self.is_relaxed(goal) { Pause::BeforeTopologyChanges } else { Pause::Never };
-        let mut sweeps = trunk.engine.begin_sweeps(goal);
-        let mut end = self.resume_trunk(trunk, &mut sweeps, goal, pause, control)?;
-        let mut snapshot = None;
-        if end.is_none() {
-            if !trunk.engine.is_past_blocking(may_cut(self.options)) {
-                snapshot = Some(trunk.engine.snapshot(&sweeps));
-            }
-            end = self.resume_trunk(trunk, &mut sweeps, goal, Pause::Never, control)?;
-        }
-        trunk.engine.mesh.store.finish();
-        Ok((end.unwrap_or(StopReason::Stuck), snapshot))
-    }
-
     /// Runs with topology changes in order of cost: from the snapshot, or from the start.
     fn run_with_changes<M: Metric>(
         &mut self,
@@ -149,7 +134,7 @@ impl Run<'_, '_> {
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
         let mut own;
-        let (trunk, mut sweeps) = match from {
+        let trunk = match from {
             Some((snapshot, trunk)) => {
                 control.stage(Stage::Collapse);
                 let (engine, mut sweeps) = snapshot.restored(&mut trunk.engine);
@@ -160,30 +145,16 @@ impl Run<'_, '_> {
                 if changes.seams {
                     trunk.engine.mesh.loosen_seams();
                 }
-                (trunk, sweeps)
+                trunk.sweeps = Some(sweeps);
+                trunk
             }
             None => {
                 own = self.begin(metric, changes, (&[], 0), control)?;
-                let sweeps = own.engine.begin_sweeps(goal);
-                (&mut own, sweeps)
+                &mut own
             }
         };
-        let end =
-            self.resume_trunk(trunk, &mut sweeps, goal, Pause::Never, control)?.unwrap_or(StopReason::Stuck);
-        trunk.engine.mesh.store.finish();
-        self.finish(&mut trunk.engine, &trunk.root, end, end == StopReason::Stuck, control)
-    }
-
-    fn resume_trunk<M: Metric>(
-        &self,
-        trunk: &mut Trunk<M>,
-        sweeps: &mut Sweeps,
-        goal: &Goal,
-        pause: Pause,
-        control: &mut dyn Control,
-    ) -> Result<Option<StopReason>, SimplifyError> {
-        let end = trunk.engine.resume_sweeps(sweeps, goal, pause, &self.source(&trunk.root), control);
-        if end == Some(StopReason::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
+        let end = self.sweep(trunk, None, goal, control)?;
+        self.finish(trunk, end, end == StopReason::Stuck, control)
     }
 }
 
@@ -225,13 +196,10 @@ mod tests {
     }
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
-    fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Sweeps, Option<StopReason>) {
+    fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Option<StopReason>) {
         let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
-        let mut sweeps = trunk.engine.begin_sweeps(goal);
-        let end = run
-            .resume_trunk(&mut trunk, &mut sweeps, goal, Pause::BeforeTopologyChanges, &mut NoControl)
-            .unwrap();
-        (trunk, sweeps, end)
+        let end = run.resume(&mut trunk, goal, Pause::BeforeTopologyChanges, &mut NoControl).unwrap();
+        (trunk, end)
     }
 
     #[test]
@@ -239,25 +207,23 @@ mod tests {
         let mesh = tori();
         with_run(&mesh, 60, &mut |run| {
             let goal = run.goal;
-            let (mut trunk, mut sweeps, end) = paused(run, &goal);
+            let (mut trunk, end) = paused(run, &goal);
             assert_eq!(end, None);
-            let snapshot = trunk.engine.snapshot(&sweeps);
+            let snapshot = trunk.snapshot().unwrap();
             let mut results = Vec::new();
             for others in 0..3 {
                 for _ in 0..others {
                     // Another run in between, which copies wedges.
                     let (mut other, mut its) = snapshot.restored(&mut trunk.engine);
                     other.allow_topology_changes(&mut its, true, &run.source(&trunk.root));
-                    trunk.engine = other;
-                    run.resume_trunk(&mut trunk, &mut its, &goal, Pause::Never, &mut NoControl).unwrap();
+                    (trunk.engine, trunk.sweeps) = (other, Some(its));
+                    run.resume(&mut trunk, &goal, Pause::Never, &mut NoControl).unwrap();
                     assert!(trunk.engine.tally.necks_cut > 0);
                 }
-                (trunk.engine, sweeps) = snapshot.restored(&mut trunk.engine);
-                let end =
-                    run.resume_trunk(&mut trunk, &mut sweeps, &goal, Pause::Never, &mut NoControl).unwrap();
-                trunk.engine.mesh.store.finish();
-                let done =
-                    run.finish(&mut trunk.engine, &trunk.root, end.unwrap(), false, &mut NoControl).unwrap();
+                let (engine, sweeps) = snapshot.restored(&mut trunk.engine);
+                (trunk.engine, trunk.sweeps) = (engine, Some(sweeps));
+                let end = run.sweep(&mut trunk, None, &goal, &mut NoControl).unwrap();
+                let done = run.finish(&mut trunk, end, false, &mut NoControl).unwrap();
                 results.push((done.end, done.tally.collapses, done.mesh));
             }
             let first = &results[0];
@@ -274,8 +240,8 @@ mod tests {
                 let done = run.one_pass(Memoryless, goal, &mut NoControl).unwrap();
                 let mut trunk =
                     run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
-                let end = run.sweep(&mut trunk, &goal, &mut NoControl).unwrap();
-                let plain = run.finish(&mut trunk.engine, &trunk.root, end, false, &mut NoControl).unwrap();
+                let end = run.sweep(&mut trunk, None, &goal, &mut NoControl).unwrap();
+                let plain = run.finish(&mut trunk, end, false, &mut NoControl).unwrap();
                 assert_eq!((end, plain.tally.parts_removed), (StopReason::Goal, 0));
                 assert!(done.mesh == plain.mesh);
             });
@@ -288,7 +254,7 @@ mod tests {
         for (faces, share) in [(60, Some(2)), (2500, None)] {
             with_run(&tori(), faces, &mut |run| {
                 let goal = run.goal;
-                let (trunk, _, end) = paused(run, &goal);
+                let (trunk, end) = paused(run, &goal);
                 let live = trunk.engine.mesh.store.live_faces;
                 match share {
                     Some(share) => {

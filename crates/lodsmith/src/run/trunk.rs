@@ -18,9 +18,10 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
 use crate::collapse::ordered_input::{KeptInput, OriginalInput};
+use crate::collapse::snapshot::Snapshot;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
-use crate::collapse::{Engine, Goal, LiveMesh, StopReason, Sweeps};
+use crate::collapse::{Engine, Goal, LiveMesh, Pause, StopReason, Sweeps};
 use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::cost::guard::Rules;
@@ -33,12 +34,24 @@ use crate::options::TopologyPolicy;
 /// then known to a few percent.)
 const MAX_REMOVED_SAMPLES: usize = 2000;
 
-/// An engine, and the data that each result of it needs.
+/// An engine, the state of its sweeps, and the data that each result needs.
 pub(super) struct Trunk<M: Metric> {
     pub(super) engine: Engine<M>,
-    pub(super) root: Rc<Root>,
-    /// State of its sweeps, in a chain with branches.
+    /// State of sweeps that can be resumed; `None` before they begin.
     pub(super) sweeps: Option<Sweeps>,
+    pub(super) root: Rc<Root>,
+}
+
+impl<M: Metric> Trunk<M> {
+    /// Returns a copy that continues exactly like this one.
+    pub(super) fn branch(&self) -> Self {
+        Self { engine: self.engine.branch(), sweeps: self.sweeps.clone(), root: Rc::clone(&self.root) }
+    }
+
+    /// Takes a snapshot of an engine whose sweeps began.
+    pub(super) fn snapshot(&mut self) -> Option<Snapshot<M>> {
+        Some(self.engine.snapshot(self.sweeps.as_ref()?))
+    }
 }
 
 /// Data that stays unchanged from the start.
@@ -79,31 +92,51 @@ impl Run<'_, '_> {
         Ok(Trunk { engine, sweeps: None, root: Rc::new(root) })
     }
 
-    /// Sweeps to a goal.
-    pub(super) fn sweep<M: Metric>(
+    /// Begins sweeps to a goal, or resumes them, until they end or pause (`None`).
+    pub(super) fn resume<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
         goal: &Goal,
+        pause: Pause,
+        control: &mut dyn Control,
+    ) -> Result<Option<StopReason>, SimplifyError> {
+        let sweeps = trunk.sweeps.get_or_insert_with(|| trunk.engine.begin_sweeps(goal));
+        let end = trunk.engine.resume_sweeps(sweeps, goal, pause, &self.source(&trunk.root), control);
+        if end == Some(StopReason::Cancel) { Err(SimplifyError::Cancelled) } else { Ok(end) }
+    }
+
+    /// Begins sweeps to a goal, or resumes them, until they end, unless they `ended` already. Then finishes the
+    /// store; later sweeps begin again.
+    pub(super) fn sweep<M: Metric>(
+        &self,
+        trunk: &mut Trunk<M>,
+        ended: Option<StopReason>,
+        goal: &Goal,
         control: &mut dyn Control,
     ) -> Result<StopReason, SimplifyError> {
-        let end = trunk.engine.sweep(goal, &self.source(&trunk.root), control);
-        if end == StopReason::Cancel { Err(SimplifyError::Cancelled) } else { Ok(end) }
+        let end = match ended {
+            None => self.resume(trunk, goal, Pause::Never, control)?,
+            ended => ended,
+        };
+        trunk.sweeps = None;
+        trunk.engine.mesh.store.finish();
+        Ok(end.unwrap_or(StopReason::Stuck))
     }
 
     pub(super) fn source(&self, root: &Root) -> OriginalInput<'_> {
         OriginalInput { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
     }
 
-    /// Builds the result of a finished engine, which cannot be swept further afterwards: computes proposals
+    /// Builds the result of a trunk that was swept to its end, which cannot be swept further afterwards: computes proposals
     /// if requested, and fits.
     pub(super) fn finish<M: Metric>(
         &self,
-        engine: &mut Engine<M>,
-        root: &Root,
+        trunk: &mut Trunk<M>,
         end: StopReason,
         proposes: bool,
         control: &mut dyn Control,
     ) -> Result<RunOutcome, SimplifyError> {
+        let (engine, root) = (&mut trunk.engine, &*trunk.root);
         let frame = self.ordered.frame;
         let proposals = match proposes {
             true => engine.proposals(
