@@ -10,7 +10,7 @@ use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepa
 use lodsmith_core::{FaceId, Surface, TriMesh};
 
 use crate::SimplifyError;
-use crate::control::{Control, while_wanted};
+use crate::control::{Control, ProgressShare, Stage, has_time_for, while_wanted};
 use crate::options::{Bound, Measure, SimplifyOptions};
 
 /// Distances below this share of the diagonal are rounding.
@@ -84,6 +84,25 @@ pub(crate) fn needs_measurement(options: &SimplifyOptions) -> bool {
     options.measure == Measure::Always
         || options.effective_bound() != Bound::Estimate
         || options.stop.error.is_some()
+}
+
+/// Measures results of one input, if more than their estimates is asked for. `comparer` prepares the input.
+pub(crate) fn measured(
+    options: &SimplifyOptions,
+    results: &[&TriMesh],
+    comparer: impl FnOnce(&mut dyn Control) -> Option<InputComparer>,
+    control: &mut dyn Control,
+) -> Result<Vec<Deviation>, SimplifyError> {
+    let count = results.len();
+    if !needs_measurement(options) {
+        return Ok(vec![Deviation::default(); count]);
+    }
+    if !has_time_for(Stage::Measure, control)? {
+        return Ok(vec![Deviation::unknown(); count]);
+    }
+    let Some(comparer) = comparer(control) else { return Ok(vec![Deviation::default(); count]) };
+    let measure = |(i, mesh)| comparer.measure(mesh, None, &mut ProgressShare::of(control, i, count));
+    results.iter().copied().enumerate().map(measure).collect()
 }
 
 /// A result, prepared for comparison with the input.

@@ -148,7 +148,7 @@ impl Run<'_, '_> {
             outcome = with_metric!(self.options.method.kind(), METRIC => self.best(METRIC, outcome, control))
                 .expect("only methods that collapse edges have an effort")?;
         }
-        let deviation = self.measured(&outcome.mesh, control)?;
+        let deviation = self.measured(&[&outcome.mesh], control)?.pop().unwrap_or_default();
         Ok((outcome, deviation, false))
     }
 }

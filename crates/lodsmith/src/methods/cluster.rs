@@ -28,7 +28,7 @@ use lodsmith_core::{PositionsView, RegionId, Surface, TriMesh, VertexId};
 use crate::collapse::Goal;
 use crate::collapse::order::NONE;
 use crate::constraints::HeldWedges;
-use crate::control::{Control, Stage, Verdict, has_time_for};
+use crate::control::{Control, Stage, Verdict};
 use crate::deviation::{self, Deviation, InputComparer, Judgement, ROUNDING};
 use crate::input::Input;
 use crate::methods::transfer::transfer_to_bare_mesh;
@@ -154,8 +154,9 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         let (made, deviation) = match self.options.stop.error.map(|e| e.in_units(self.diagonal)) {
             None => {
                 let made = self.reach_goal(control)?;
-                let deviation = self.measured(&made.mesh, control)?;
-                (made, deviation)
+                let comparer = |control: &mut dyn Control| self.input_comparer(control);
+                let measured = deviation::measured(self.options, &[&made.mesh], comparer, control)?.pop();
+                (made, measured.unwrap_or_default())
             }
             Some(limit) => self.within(limit, control)?,
         };
@@ -370,20 +371,6 @@ impl<'a, P: ClusterPosition> ClusterRun<'a, P> {
         control.stage(Stage::Measure);
         let deviation = comparer.measure(&made.mesh, known, control)?;
         Ok((made, deviation))
-    }
-
-    /// Measures a result, if more than the estimate is asked for.
-    fn measured(&self, mesh: &TriMesh, control: &mut dyn Control) -> Result<Deviation, SimplifyError> {
-        if !deviation::needs_measurement(self.options) {
-            return Ok(Deviation::default());
-        }
-        if !has_time_for(Stage::Measure, control)? {
-            return Ok(Deviation::unknown());
-        }
-        match self.input_comparer(control) {
-            Some(comparer) => comparer.measure(mesh, None, control),
-            None => Ok(Deviation::default()),
-        }
     }
 
     fn input_comparer(&self, control: &mut dyn Control) -> Option<InputComparer> {

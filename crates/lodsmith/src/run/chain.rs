@@ -14,7 +14,7 @@
 //! If parts or handles block a level, a second trunk starts, in which they are removed in order of cost, as
 //! in a single run; the lower levels continue from it.
 
-use lodsmith_core::VertexId;
+use lodsmith_core::{TriMesh, VertexId};
 
 use super::collapses;
 use super::context::{Done, Run, RunOutcome, TopologyChanges};
@@ -26,9 +26,8 @@ use crate::SimplifyError;
 use crate::collapse::order::{NONE, Ordered};
 use crate::collapse::{Goal, Pause, StopReason};
 use crate::constraints::Constraints;
-use crate::control::{Control, ProgressShare, Stage, has_time_for};
+use crate::control::{Control, ProgressShare, Stage};
 use crate::cost::metric::{Metric, with_metric};
-use crate::deviation::{self, Deviation};
 use crate::input::Input;
 use crate::options::{Effort, MethodKind, SimplifyOptions, Stop, TopologyPolicy};
 
@@ -70,7 +69,8 @@ pub(crate) fn chain(
     let passes = passes_of(options.method.kind()).expect("only methods with sweeps get here");
     let outcomes = passes(&mut run, &goals, control)?;
     let mergers = if is_traced { run.mergers(&outcomes) } else { Mergers::new() };
-    let deviations = run.measured_levels(&outcomes, control)?;
+    let meshes: Vec<&TriMesh> = outcomes.iter().map(|outcome| &outcome.mesh).collect();
+    let deviations = run.measured(&meshes, control)?;
     let finished = outcomes.into_iter().zip(deviations).zip(&of_levels);
     let all = finished.map(|((outcome, deviation), own)| {
         build_report(input, own, &in_order, &constraints, (outcome, deviation, false))
@@ -158,28 +158,6 @@ impl Run<'_, '_> {
         Ok(outcome)
     }
 
-    /// Measures all levels, if more than their estimates are asked for.
-    fn measured_levels(
-        &self,
-        outcomes: &[RunOutcome],
-        control: &mut dyn Control,
-    ) -> Result<Vec<Deviation>, SimplifyError> {
-        if !deviation::needs_measurement(self.options) {
-            return Ok(vec![Deviation::default(); outcomes.len()]);
-        }
-        if !has_time_for(Stage::Measure, control)? {
-            return Ok(vec![Deviation::unknown(); outcomes.len()]);
-        }
-        let comparer = self.input_comparer(control);
-        let measure = |(i, outcome): (usize, &RunOutcome)| match &comparer {
-            Some(comparer) => {
-                comparer.measure(&outcome.mesh, None, &mut ProgressShare::of(control, i, outcomes.len()))
-            }
-            None => Ok(Deviation::default()),
-        };
-        outcomes.iter().enumerate().map(measure).collect()
-    }
-
     /// Returns the vertices of the next level that the vertices of each level were merged into.
     fn mergers(&self, outcomes: &[RunOutcome]) -> Mergers {
         let home = |homes: &[VertexId], number: VertexId| homes.get(number.index()).copied().unwrap_or(NONE);
@@ -208,7 +186,7 @@ impl Run<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use lodsmith_core::{TriMesh, shapes};
+    use lodsmith_core::shapes;
 
     use super::*;
     use crate::control::NoControl;

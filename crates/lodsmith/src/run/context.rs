@@ -7,7 +7,7 @@ use crate::collapse::cut::may_cut;
 use crate::collapse::order::Ordered;
 use crate::collapse::{Goal, StopReason, Tally};
 use crate::constraints::{Constraints, HeldWedges};
-use crate::control::{Control, Stage, has_time_for};
+use crate::control::{Control, Stage};
 use crate::deviation::{self, Deviation, InputComparer};
 use crate::input::Input;
 use crate::options::{SimplifyOptions, TopologyPolicy};
@@ -144,22 +144,13 @@ impl Run<'_, '_> {
         (self.pass)(self, goal, control)
     }
 
-    /// Measures a result, if more than the estimate is asked for.
+    /// Measures results, if more than their estimates is asked for.
     pub(super) fn measured(
         &self,
-        mesh: &TriMesh,
+        results: &[&TriMesh],
         control: &mut dyn Control,
-    ) -> Result<Deviation, SimplifyError> {
-        if !deviation::needs_measurement(self.options) {
-            return Ok(Deviation::default());
-        }
-        if !has_time_for(Stage::Measure, control)? {
-            return Ok(Deviation::unknown());
-        }
-        match self.input_comparer(control) {
-            Some(comparer) => comparer.measure(mesh, None, control),
-            None => Ok(Deviation::default()),
-        }
+    ) -> Result<Vec<Deviation>, SimplifyError> {
+        deviation::measured(self.options, results, |control| self.input_comparer(control), control)
     }
 
     /// Returns a comparer with the input, to measure results: degenerate and non-finite faces do not count.
