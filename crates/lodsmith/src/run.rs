@@ -49,7 +49,7 @@ pub(crate) use counted::CountedGoal;
 pub(crate) use goal::{goal, share};
 use report::build_report;
 pub(crate) use report::names_of_dropped;
-pub(crate) use start::Started;
+pub(crate) use start::Root;
 
 /// Returns the pass of a method that works by sweeps.
 pub(crate) fn collapses(method: MethodKind) -> Option<Pass> {

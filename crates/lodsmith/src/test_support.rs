@@ -55,8 +55,8 @@ pub(crate) fn with_engine<M: Metric>(
     let constraints = Constraints::new(&input.data, &in_order, |v| v);
     let pass = collapses(options.method.kind()).expect("a method that collapses edges");
     let mut run = Run::new(&input, options, &mut in_order, &constraints, pass);
-    let mut started = run.start(metric, false, (&[], 0)).expect("the options are sound");
-    act(&mut started.engine, &run);
+    let (mut engine, _) = run.start(metric, false, (&[], 0));
+    act(&mut engine, &run);
 }
 
 /// Returns the mesh with colours and with texture coordinates in two charts, one on each side of the middle:

@@ -21,7 +21,7 @@ use crate::input::Input;
 use crate::options::shared::COLLAPSE_METHODS;
 use crate::options::{Effort, Placement, SimplifyOptions, Stop};
 use crate::pipeline::prepare::{Prepared, temporary_normals};
-use crate::run::{self, Run, Started};
+use crate::run::{self, Root, Run};
 use crate::two_sided::TwoSidedInput;
 
 /// A recorded run of one method.
@@ -162,8 +162,8 @@ fn record_run<M: Metric>(
     // Attribute weights are needed for each fitted level; the run itself uses the weights of its end.
     let mut goals = fitted_goals(run.input.surface.triangles().len());
     goals.push(run.goal);
-    let Started { mut engine, rows, originals, is_kept, weights: weights_of_attributes, .. } =
-        run.start(metric, true, (&goals, goals.len() - 1))?;
+    let (mut engine, root) = run.start(metric, true, (&goals, goals.len() - 1));
+    let Root { rows, originals, is_kept, weights: weights_of_attributes, .. } = root;
     let record = record(run, mesh, &engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows);
     let by_place = record.names.faces.clone();
     let facings: Vec<Facing> = engine.mesh.store.v.iter().map(|x| x.facing).collect();

@@ -94,7 +94,7 @@ impl Run<'_, '_> {
         let changes = TopologyChanges::from_start(self.options);
         let mut most_levels = usize::MAX;
         loop {
-            let mut trunk = self.begin(metric, changes, (&[], 0), control)?;
+            let mut trunk = self.begin(metric, changes, (&[], 0), control);
             let mut faces = trunk.engine.mesh.store.live_faces;
             let mut levels = 0;
             while levels < most_levels {

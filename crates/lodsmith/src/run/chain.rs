@@ -141,7 +141,7 @@ impl Run<'_, '_> {
                 }
                 trunk
             }
-            None => self.begin(metric, changes, (goals, i), control)?,
+            None => self.begin(metric, changes, (goals, i), control),
         };
         let (mut branch, end) = if self.is_traced {
             let end = self.sweep(&mut grown, None, goal, control)?;

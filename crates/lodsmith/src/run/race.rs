@@ -76,7 +76,7 @@ impl Run<'_, '_> {
     ) -> Result<RunOutcome, SimplifyError> {
         let is_relaxed = self.is_relaxed(goal);
         let mut changes = TopologyChanges::from_start(self.options);
-        let mut trunk = self.begin(metric, changes, (&[], 0), control)?;
+        let mut trunk = self.begin(metric, changes, (&[], 0), control);
         let mut ended = None;
         if is_relaxed {
             ended = self.resume(&mut trunk, goal, Pause::BeforeTopologyChanges, control)?;
@@ -149,7 +149,7 @@ impl Run<'_, '_> {
                 trunk
             }
             None => {
-                own = self.begin(metric, changes, (&[], 0), control)?;
+                own = self.begin(metric, changes, (&[], 0), control);
                 &mut own
             }
         };
@@ -197,7 +197,7 @@ mod tests {
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
     fn paused(run: &mut Run<'_, '_>, goal: &Goal) -> (Trunk<Memoryless>, Option<StopReason>) {
-        let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
+        let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl);
         let end = run.resume(&mut trunk, goal, Pause::BeforeTopologyChanges, &mut NoControl).unwrap();
         (trunk, end)
     }
@@ -238,8 +238,7 @@ mod tests {
             with_run(&mesh, faces, &mut |run| {
                 let goal = run.goal;
                 let done = run.one_pass(Memoryless, goal, &mut NoControl).unwrap();
-                let mut trunk =
-                    run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
+                let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl);
                 let end = run.sweep(&mut trunk, None, &goal, &mut NoControl).unwrap();
                 let plain = run.finish(&mut trunk, end, false, &mut NoControl).unwrap();
                 assert_eq!((end, plain.tally.parts_removed), (StopReason::Goal, 0));
@@ -269,8 +268,7 @@ mod tests {
     #[test]
     fn only_touching_vertices_are_separated() {
         with_run(&shapes::torus(12, 8), 4, &mut |run| {
-            let mut trunk =
-                run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl).unwrap();
+            let mut trunk = run.begin(Memoryless, TopologyChanges::default(), (&[], 0), &mut NoControl);
             let store = &mut trunk.engine.mesh.store;
             let last = store.v.len() - 1;
             store.v[0].p = store.v[last].p;

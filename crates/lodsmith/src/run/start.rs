@@ -6,8 +6,7 @@ use glam::Vec3;
 use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{RegionId, VertexId, WedgeId};
 
-use super::context::Run;
-use crate::SimplifyError;
+use super::context::{Run, TopologyChanges};
 use crate::attributes::recolor;
 use crate::attributes::sides::SideValues;
 use crate::attributes::{Rows, WeightContext};
@@ -21,14 +20,15 @@ use crate::cost::metric::{CostSource, Metric, VertexMemory};
 use crate::fit;
 use crate::options::{Fit, Length, Placement};
 
-/// An engine before its first sweep, and other data that a run needs.
-pub(crate) struct Started<M: Metric> {
-    pub(crate) engine: Engine<M>,
+/// Data of a run that stays unchanged from its start.
+pub(crate) struct Root {
     pub(crate) rows: Option<Rows>,
     pub(crate) originals: Option<fit::Originals>,
     pub(super) duplicate_faces: usize,
     /// True if the ordered input still has its points and faces.
     pub(crate) is_kept: bool,
+    /// Topology changes in order of cost.
+    pub(super) changes: TopologyChanges,
     /// Attribute weights for each goal of a chain.
     pub(crate) weights: Vec<Vec<f32>>,
 }
@@ -40,18 +40,6 @@ struct Corners {
     rows: Option<(Rows, Option<Attributes>)>,
 }
 
-/// The parts that an engine is made of, and other data that a run needs.
-struct Basis<Q: VertexMemory> {
-    rules: Rules,
-    store: Store<Q>,
-    endpoints: Option<Wedges>,
-    rows: Option<Rows>,
-    attributes: Option<Attributes>,
-    originals: Option<fit::Originals>,
-    is_kept: bool,
-    weights: Vec<Vec<f32>>,
-}
-
 impl Run<'_, '_> {
     /// Creates an engine before its first sweep; if it is `recorded`, faces have the numbers of the ordered
     /// input. `goals` are the goals of a chain, if it is one, and `level` is the first one to sweep to.
@@ -60,10 +48,12 @@ impl Run<'_, '_> {
         metric: M,
         recorded: bool,
         (goals, level): (&[Goal], usize),
-    ) -> Result<Started<M>, SimplifyError> {
-        let Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights } =
-            self.basis(metric.cost_source(), recorded, (goals, level));
-        let (mut engine, duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
+    ) -> (Engine<M>, Root) {
+        let (store, endpoints, attributes, mut root) =
+            self.parts_of_engine(metric.cost_source(), recorded, (goals, level));
+        let rules = Rules::new(self.options, self.ordered.frame, self.ordered.diagonal);
+        let mut engine;
+        (engine, root.duplicate_faces) = Engine::new(metric, store, rules, endpoints, attributes);
         // (Runs to an error limit preserve details anyway; recorded ones have no goal yet.)
         if let (Some(textures), Some(mesh)) = (self.input.data.textures, self.input.mesh)
             && !recorded
@@ -81,20 +71,17 @@ impl Run<'_, '_> {
         if let Some(distance) = self.options.method.pairs() {
             engine.mesh.enable_pairs(pairs_reach(distance, self.ordered.frame, self.ordered.diagonal));
         }
-        Ok(Started { engine, rows, originals, duplicate_faces, is_kept, weights })
+        (engine, root)
     }
 
     /// Creates the parts of an engine that do not depend on the metric, except for its cost source.
-    fn basis<Q: VertexMemory>(
+    fn parts_of_engine<Q: VertexMemory>(
         &mut self,
         cost_source: CostSource,
         recorded: bool,
         (goals, level): (&[Goal], usize),
-    ) -> Basis<Q> {
-        let options = self.options;
+    ) -> (Store<Q>, Option<Wedges>, Option<Attributes>, Root) {
         let surface = &self.input.surface;
-        let frame = self.ordered.frame;
-        let rules = Rules::new(options, frame, self.ordered.diagonal);
         if self.ordered.points.is_empty() {
             // Taken by an earlier pass.
             self.ordered.points = self.ordered.remake_points(surface);
@@ -132,7 +119,7 @@ impl Run<'_, '_> {
             }
             _ => None,
         };
-        let sharp = options.sharp_deg.and_then(|deg| sharp_edges(&points, &faces, deg));
+        let sharp = self.options.sharp_deg.and_then(|deg| sharp_edges(&points, &faces, deg));
         let mut store = Store::new(&points, faces, wedges, regions);
         store.creases = sharp;
         drop(points);
@@ -145,7 +132,9 @@ impl Run<'_, '_> {
         if let Some(locked) = self.constraints.locked() {
             store.lock(locked);
         }
-        Basis { rules, store, endpoints, rows, attributes, originals, is_kept, weights }
+        let changes = TopologyChanges::default();
+        let root = Root { rows, originals, duplicate_faces: 0, is_kept, changes, weights };
+        (store, endpoints, attributes, root)
     }
 
     /// Returns the regions of the ordered faces, if there are several.

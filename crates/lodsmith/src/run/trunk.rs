@@ -8,9 +8,8 @@ use lodsmith_core::spatial::Bvh;
 use lodsmith_core::{TriMesh, VertexId};
 
 use super::context::{EngineOutcome, KeptAtCost, RelaxedRules, Run, RunOutcome, TopologyChanges, Trace};
-use super::start::{Started, pairs_reach};
+use super::start::{Root, pairs_reach};
 use crate::SimplifyError;
-use crate::attributes::Rows;
 use crate::attributes::normals::{self, Homes};
 use crate::attributes::recolor::{self, OwnParts};
 use crate::collapse::components;
@@ -54,18 +53,6 @@ impl<M: Metric> Trunk<M> {
     }
 }
 
-/// Data that stays unchanged from the start.
-pub(super) struct Root {
-    rows: Option<Rows>,
-    originals: Option<fit::Originals>,
-    duplicate_faces: usize,
-    is_kept: bool,
-    /// Topology changes in order of cost.
-    pub(super) changes: TopologyChanges,
-    /// Attribute weights for each goal of a chain.
-    pub(super) weights: Vec<Vec<f32>>,
-}
-
 impl Run<'_, '_> {
     /// Prepares the engine. `goals` are the goals of a chain, if it is one, and `level` is the first one to
     /// sweep to.
@@ -75,11 +62,9 @@ impl Run<'_, '_> {
         changes: TopologyChanges,
         (goals, level): (&[Goal], usize),
         control: &mut dyn Control,
-    ) -> Result<Trunk<M>, SimplifyError> {
+    ) -> Trunk<M> {
         control.stage(Stage::Prepare);
-        let Started { mut engine, rows, originals, duplicate_faces, is_kept, weights } =
-            self.start(metric, false, (goals, level))?;
-
+        let (mut engine, mut root) = self.start(metric, false, (goals, level));
         control.stage(Stage::Collapse);
         if changes.parts {
             engine.mesh.constraints.cuts_necks = changes.cuts;
@@ -88,8 +73,8 @@ impl Run<'_, '_> {
         if changes.seams {
             engine.mesh.loosen_seams();
         }
-        let root = Root { rows, originals, duplicate_faces, is_kept, changes, weights };
-        Ok(Trunk { engine, sweeps: None, root: Rc::new(root) })
+        root.changes = changes;
+        Trunk { engine, sweeps: None, root: Rc::new(root) }
     }
 
     /// Begins sweeps to a goal, or resumes them, until they end or pause (`None`).
