@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! run      topology changes in order of cost        competes
-//! first    none; with topology `free` removal       always, unless it removed parts because nothing else was left
+//! first    none; with topology `free` removal       always; with topology `relaxed` only if it removed no parts
 //! removal  parts are removed, and necks are cut     topology is `relaxed`; the target is out of reach, or parts or necks
 //!                                                   were kept at a cost
 //! seams    those of the run before, and seams move  seams gave way in a run before, or stayed on their lines at a cost
@@ -89,7 +89,7 @@ impl Run<'_, '_> {
         let seams_block = engine.mesh.has_relaxed_seams() || engine.has_blocking_seams();
         let has_several_parts = is_relaxed && engine.mesh.part_count() > 1;
         let mut outcomes = Vec::new();
-        // With topology `relaxed`, a run that removed parts because nothing else was left is no candidate.
+        // A run that was to keep parts, and removed some because nothing else was left, is no candidate.
         if !is_relaxed || engine.tally.parts_removed == 0 || end == StopReason::Finish {
             let is_single = goal.is_none() || self.options.quick.is_some();
             let proposes = end == StopReason::Stuck && !is_relaxed && self.options.quick.is_none();
@@ -107,6 +107,7 @@ impl Run<'_, '_> {
         }
         // Without a snapshot, the memory is freed because it is needed.
         let mut from = snapshot.map(|snapshot| (snapshot, trunk));
+        // Parts and necks may block collapses: remove and cut them in order of cost.
         let needs_removal =
             |first: &RunOutcome| end == StopReason::Stuck || has_several_parts || first.engine.kept.necks;
         if is_relaxed && outcomes.iter().all(needs_removal) {
@@ -118,7 +119,7 @@ impl Run<'_, '_> {
         if !is_over && (seams_block || outcomes.iter().any(RunOutcome::seams_block)) {
             let changes = TopologyChanges { seams: true, ..changes };
             let outcome = self.run_with_changes(metric, goal, changes, &mut from, control)?;
-            // If the two sides of a cut touch, another candidate is used.
+            // (Another candidate is used if the two sides of a cut touch here.)
             outcomes.extend(Some(outcome).filter(|outcome| !outcome.engine.has_touching_vertices));
         }
         self.closest(outcomes, None, control)
