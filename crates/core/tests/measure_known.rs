@@ -3,7 +3,7 @@
 use glam::DVec3;
 use lodsmith_core::measure::{
     CompareOptions, Comparison, MeasureError, Prepared, compare, compare_prepared, compare_until,
-    vertex_distances,
+    rms_prepared_until, vertex_distances,
 };
 use lodsmith_core::{PositionsView, Surface, VertexId};
 
@@ -378,4 +378,29 @@ fn a_broken_face_does_not_spoil_the_rest() {
     assert_eq!((c.hausdorff.symmetric, c.mean.symmetric), (0.0, 0.0));
     let distances = vertex_distances(&broken.surface(), &Prepared::new(&good.surface()).unwrap());
     assert!(distances[25].is_nan() && distances[..25].iter().all(|&d| d == 0.0));
+}
+
+#[test]
+fn the_rms_alone_is_that_of_a_comparison() {
+    // (Squares of the smallest and largest distances leave the range of a double.)
+    for scale in [1.0, 1e-170, 1e200] {
+        let [a, b] = [sphere(8), sphere(3)].map(|m| m.map(|p| p.map(|x| scale * x)));
+        let [a, b] = [&a, &b].map(|m| Prepared::new(&m.surface()).unwrap());
+        let mut options = CompareOptions::default();
+        options.samples = 5_000;
+        let whole = compare_prepared(&a, &b, &options).rms.symmetric;
+        let alone = rms_prepared_until(&a, &b, &options, &mut || false).unwrap();
+        assert!((alone.rms / whole - 1.0).abs() < 1e-12 && whole > 0.01 * scale, "{alone:?} and {whole}");
+        // The same estimate from other samples, some twenty times.
+        let of_seed = |seed| {
+            options.seed = seed;
+            rms_prepared_until(&a, &b, &options, &mut || false).unwrap().rms / whole - 1.0
+        };
+        let spread = (1..20).map(of_seed).map(|x| x * x).sum::<f64>().sqrt() / 19f64.sqrt();
+        assert!(spread < alone.relative_deviation && alone.relative_deviation < 0.05, "{spread} {alone:?}");
+        assert_eq!(rms_prepared_until(&a, &b, &options, &mut || true), None);
+    }
+    let flat = Prepared::new(&plane(3).surface()).unwrap();
+    let none = rms_prepared_until(&flat, &flat, &CompareOptions::default(), &mut || false).unwrap();
+    assert_eq!((none.rms, none.relative_deviation), (0.0, 0.0));
 }

@@ -6,7 +6,9 @@ use lodsmith_core::measure::proof::map::{LimitMap, MapSide};
 use lodsmith_core::measure::proof::{
     WithinResult, bound_distance_until, prove_within_until, samples_within_until,
 };
-use lodsmith_core::measure::{CompareOptions, Comparison, Prepared, compare_prepared_until};
+use lodsmith_core::measure::{
+    CompareOptions, Comparison, EstimatedRms, Prepared, compare_prepared_until, rms_prepared_until,
+};
 use lodsmith_core::{FaceId, Surface, TriMesh};
 
 use crate::SimplifyError;
@@ -307,10 +309,12 @@ impl InputComparer {
         mesh: &TriMesh,
         samples: usize,
         control: &mut dyn Control,
-    ) -> Result<Option<f64>, SimplifyError> {
-        let Some(PreparedResult(made)) = PreparedResult::new(mesh) else { return Ok(Some(f64::INFINITY)) };
-        let found = while_wanted(control, |is_over| self.compare(&made, samples, is_over))?;
-        Ok(found.map(|found| found.rms.symmetric))
+    ) -> Result<Option<EstimatedRms>, SimplifyError> {
+        let Some(PreparedResult(made)) = PreparedResult::new(mesh) else {
+            return Ok(Some(EstimatedRms { rms: f64::INFINITY, relative_deviation: 0.0 }));
+        };
+        let options = self.sampling(samples);
+        while_wanted(control, |is_over| rms_prepared_until(&self.reference, &made, &options, is_over))
     }
 
     /// Measures a result by this many samples in each direction; `None` if it has no face, or the caller ends the
@@ -326,8 +330,12 @@ impl InputComparer {
     }
 
     fn compare(&self, result: &Prepared, samples: usize, is_over: IsOver<'_>) -> Option<Comparison> {
+        compare_prepared_until(&self.reference, result, &self.sampling(samples), is_over)
+    }
+
+    fn sampling(&self, samples: usize) -> CompareOptions {
         let mut options = CompareOptions::default();
         (options.samples, options.seed) = (samples, self.seed);
-        compare_prepared_until(&self.reference, result, &options, is_over)
+        options
     }
 }

@@ -96,18 +96,67 @@ impl OneWay {
         let Place { distance: max, point } = places.reduce(Place::farther).unwrap_or(none);
         let mean = chunks::mean(&distances);
         let p99 = quantile(&mut distances, 0.99);
-        // Divided by the largest first: the square of 1e-170 underflows.
-        let largest = if max > 0.0 && max.is_finite() { max } else { 1.0 };
-        distances.iter_mut().for_each(|d| *d = (*d / largest) * (*d / largest));
-        let rms = largest * chunks::mean(&distances).sqrt();
+        let rms = rms_of(&mut distances, max);
         let user = |length| target.frame().user_length(length);
         let farthest = source.frame().user_from_unit(point);
         Some(Self { max: user(max), mean: user(mean), rms: user(rms), p99: user(p99), angles_deg, farthest })
     }
 }
 
-/// Number of queries that show how many faces each tests.
-const PILOTS: usize = 256;
+/// An RMS distance, and how exactly the samples determine it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EstimatedRms {
+    /// The distance, in the units of the positions.
+    pub rms: f64,
+    /// Standard deviation of the distance as an estimate, relative to it, as if samples were independent: it is too large
+    /// for distances that change slowly over a surface.
+    pub relative_deviation: f64,
+}
+
+/// Returns the RMS distance of samples; `None` once `is_over` has returned true. Where very many faces meet, there are
+/// fewer samples.
+pub(super) fn estimated_rms(
+    from: &Prepared,
+    to: &Prepared,
+    samples: usize,
+    seed: u64,
+    is_over: &mut dyn FnMut() -> bool,
+) -> Option<EstimatedRms> {
+    let (source, target) = (from.tree(), to.tree());
+    let samples = affordable_samples(from, to, samples, seed);
+    let parts = chunks::map_until(chunks::CHUNK_LENGTH, samples, is_over, |range| {
+        let mut hint = Hint::default();
+        let of_samples = from.sampler().samples(range, samples, seed).map(|sample| {
+            let p = source.frame().to(target.frame(), sample.point(source.slot_corners(sample.face.0)));
+            target
+                .closest_slot(p, f64::INFINITY, &mut hint)
+                .map_or(f64::INFINITY, |hit| hit.distance_sq.sqrt())
+        });
+        of_samples.collect::<Vec<f64>>()
+    })?;
+    let mut distances = parts.concat();
+    let largest = distances.iter().copied().fold(0.0, f64::max);
+    let rms = target.frame().user_length(rms_of(&mut distances, largest));
+    // (They are squares now.)
+    let mean = chunks::mean(&distances);
+    distances.iter_mut().for_each(|square| *square = (*square - mean) * (*square - mean));
+    let of_mean = (chunks::mean(&distances) / distances.len().max(1) as f64).sqrt() / mean;
+    Some(EstimatedRms { rms, relative_deviation: if mean > 0.0 { 0.5 * of_mean } else { 0.0 } })
+}
+
+/// Returns the root of the mean square of distances, of which one is the largest. Replaces them by their squares, with the
+/// largest as unit.
+fn rms_of(distances: &mut [f64], largest: f64) -> f64 {
+    // Divided by the largest first: the square of 1e-170 underflows.
+    let largest = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+    distances.iter_mut().for_each(|d| *d = (*d / largest) * (*d / largest));
+    largest * chunks::mean(distances).sqrt()
+}
+
+/// Largest number of queries that show how many faces each tests.
+const MAX_PILOTS: usize = 256;
+/// Number of samples for each of these queries, at least.
+const SAMPLES_PER_PILOT: usize = 32;
 /// Number of faces that a query may test, in the mean, without fewer samples. (Guessed.)
 const TESTS_PER_SAMPLE: usize = 64;
 /// Smallest number of samples because of the tests.
@@ -117,11 +166,12 @@ const FEWEST_SAMPLES: usize = 2_000;
 /// proportional to the given number.
 pub(super) fn affordable_samples(from: &Prepared, to: &Prepared, samples: usize, seed: u64) -> usize {
     let (source, target) = (from.tree(), to.tree());
-    let tests = from.sampler().samples(0..PILOTS, PILOTS, seed).map(|sample| {
+    let pilots = (samples / SAMPLES_PER_PILOT).clamp(1, MAX_PILOTS);
+    let tests = from.sampler().samples(0..pilots, pilots, seed).map(|sample| {
         let p = sample.point(source.slot_corners(sample.face.0));
         target.count_near(source.frame().to(target.frame(), p))
     });
-    let tests = tests.sum::<usize>() / PILOTS;
+    let tests = tests.sum::<usize>() / pilots;
     if tests <= TESTS_PER_SAMPLE {
         return samples;
     }

@@ -4,14 +4,21 @@
 //! necks or contracting pairs. None of these is always best, and their costs are not comparable, so the
 //! results are measured. Only this module chooses between results of one run.
 
+use lodsmith_core::TriMesh;
+
 use super::context::{Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::StopReason;
 use crate::control::{Control, Stage, has_time_for};
+use crate::deviation::InputComparer;
 
-/// Samples in each direction. (The RMS of a result is then known to a few percent; if candidates differ by
-/// less, either is fine.)
-const COMPARISON_SAMPLES: usize = 20_000;
+/// Numbers of samples in each direction: more are drawn while the best result is not clear.
+const COMPARISON_SAMPLES: [usize; 3] = [2_000, 8_000, 20_000];
+/// A result is clearly the best if the distance of each other one is larger by this many standard deviations of their
+/// quotient.
+const CLEAR_DEVIATIONS: f64 = 3.0;
+/// If this many deviations are less than this share of the distance, either of two near results is fine.
+const FINE_SHARE: f64 = 0.06;
 /// A result without topology changes and moved seams is preferred unless another is closer by this factor:
 /// parts should not be removed for a small gain. (Guessed.)
 const WHOLE_RESULT_FACTOR: f64 = 1.25;
@@ -80,21 +87,15 @@ impl Run<'_, '_> {
             return Ok(favourite);
         }
         let Some(comparer) = self.input_comparer(control) else { return Ok(met[0]) };
-        let mut best = (f64::INFINITY, met[0]);
-        for &i in &met {
-            let favour = match is_favoured(i) {
-                true if outcomes[i].engine.is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
-                true => PRODUCTIVE_RESULT_FACTOR,
-                false => 1.0,
-            };
-            let Some(rms) = comparer.rms(&outcomes[i].mesh, COMPARISON_SAMPLES, control)? else {
-                return Ok(favourite);
-            };
-            if rms / favour < best.0 {
-                best = (rms / favour, i);
-            }
-        }
-        Ok(best.1)
+        let favour = |i: usize| match is_favoured(i) {
+            true if outcomes[i].engine.is_unproductive || asked.is_some() => WHOLE_RESULT_FACTOR,
+            true => PRODUCTIVE_RESULT_FACTOR,
+            false => 1.0,
+        };
+        let meshes: Vec<&TriMesh> = met.iter().map(|&i| &outcomes[i].mesh).collect();
+        let favours: Vec<f64> = met.iter().map(|&i| favour(i)).collect();
+        let first = closest_of(&comparer, &meshes, &favours, control)?;
+        Ok(first.map_or(favourite, |k| met[k]))
     }
 
     /// Chooses between the lightest result of a run whose target is out of reach, and a slightly heavier
@@ -109,14 +110,43 @@ impl Run<'_, '_> {
             return Ok(lightest);
         }
         let Some(comparer) = self.input_comparer(control) else { return Ok(lightest) };
-        let mut rms = |outcome: &RunOutcome| comparer.rms(&outcome.mesh, COMPARISON_SAMPLES, control);
-        let (far, near) = (rms(&lightest)?, rms(&heavier)?);
-        let is_far = far.zip(near).is_some_and(|(far, near)| far > UNREACHABLE_FACTOR * near);
-        if !is_far {
+        let meshes = [&lightest.mesh, &heavier.mesh];
+        if closest_of(&comparer, &meshes, &[UNREACHABLE_FACTOR, 1.0], control)? != Some(1) {
             return Ok(lightest);
         }
         heavier.end = StopReason::Stuck;
         heavier.engine.proposals = lightest.engine.proposals;
         Ok(heavier)
     }
+}
+
+/// Returns the index of the mesh whose RMS distance from the input, divided by its favour, is smallest; the first among
+/// equals, `None` if the caller ends the run. Draws more samples while two are near each other.
+fn closest_of(
+    comparer: &InputComparer,
+    meshes: &[&TriMesh],
+    favours: &[f64],
+    control: &mut dyn Control,
+) -> Result<Option<usize>, SimplifyError> {
+    let mut first = 0;
+    for samples in COMPARISON_SAMPLES {
+        let (mut distances, mut deviations) = (Vec::new(), Vec::new());
+        for (mesh, favour) in meshes.iter().zip(favours) {
+            let Some(found) = comparer.rms(mesh, samples, control)? else { return Ok(None) };
+            distances.push(found.rms / favour);
+            deviations.push(found.relative_deviation);
+        }
+        let nearest = |best: usize, i: usize| if distances[i] < distances[best] { i } else { best };
+        first = (1..distances.len()).fold(0, nearest);
+        let is_clear = |i: usize| {
+            let margin = CLEAR_DEVIATIONS * libm::hypot(deviations[i], deviations[first]);
+            // (Runs that never differ have equal results.)
+            let differs = distances[i] != distances[first];
+            !differs || margin < FINE_SHARE || distances[i] > distances[first] * (1.0 + margin)
+        };
+        if (0..distances.len()).all(is_clear) {
+            break;
+        }
+    }
+    Ok(Some(first))
 }
