@@ -599,10 +599,15 @@ fn buffers_and_meshes_give_the_same_result() {
 
 #[test]
 fn threads_change_neither_the_result_nor_the_measurement() {
-    // Sweeps have one thread; clustering, remeshing and the measurement have several.
-    let mesh = shapes::blob(4, 3);
+    // Sweeps have one thread; clustering, remeshing and the measurement have several, and the order of a large mesh.
     let pools = [1, 3].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap());
-    for method in [MethodKind::Memoryless, MethodKind::Cluster, MethodKind::Remesh] {
+    for (method, size) in [
+        (MethodKind::Memoryless, 4),
+        (MethodKind::Memoryless, 6),
+        (MethodKind::Cluster, 4),
+        (MethodKind::Remesh, 4),
+    ] {
+        let mesh = shapes::blob(size, 3);
         let mut options = SimplifyOptions::new(Stop::ratio(0.1));
         (options.method, options.measure) = (method.into(), Measure::Always);
         let [one, three] = pools.each_ref().map(|pool| pool.install(|| simplify(&mesh, &options).unwrap()));

@@ -2,7 +2,12 @@
 //! vertex.
 //!
 //! All later steps are local in memory, whatever order the file had. Equal positions have equal codes, so
-//! the weld costs nothing beyond the sort.
+//! the weld costs nothing beyond the sort. Each step works on pieces of its input, several at a time if there
+//! are threads; the result depends on neither.
+
+mod buckets;
+
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use bytemuck::Zeroable;
 use bytemuck::allocation::zeroed_vec;
@@ -11,7 +16,9 @@ use lodsmith_core::geometry::UnitFrame;
 use lodsmith_core::{PositionsView, Surface, TriMesh, VertexId, WedgeId};
 use wide::{f32x4, u32x4};
 
+use crate::chunks;
 use crate::report::Cleanup;
+use buckets::{Buckets, to_offsets};
 
 /// Marks the absence of a vertex.
 pub(crate) const NONE: VertexId = VertexId(u32::MAX);
@@ -21,6 +28,10 @@ const DIGITS: usize = 1 << DIGIT_BITS;
 /// Number of vertices from which the lowest digit is sorted too. With fewer vertices, hardly any agree in the
 /// other two digits.
 const THREE_DIGIT_MIN_VERTICES: usize = 1 << 14;
+/// Pieces for each thread: some take longer than others.
+const PIECES_PER_THREAD: usize = 4;
+/// Number of vertices whose faces are sorted together. (Their counts and faces fit into the second cache.)
+const VERTICES_PER_BUCKET: usize = 1 << 12;
 /// Number of faces up to which time is saved at the cost of memory; above it, the reverse.
 pub(crate) const TIME_OVER_MEMORY_MAX_FACES: usize = 4_000_000;
 /// Number of vertices in one cell above which equal positions are found by sorting instead of comparing
@@ -65,18 +76,16 @@ where
 pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let (positions, triangles) = (surface.positions(), surface.triangles());
     let mut cleanup = Cleanup::default();
-    let mut needed = vec![false; positions.len()];
-    for &t in triangles {
-        for v in t {
-            needed[v.index()] = true;
-        }
-    }
+    let mut needed = used(triangles, positions.len());
     let (min, max) = match positions {
         PositionsView::F32(p) => {
-            let [min, max] = single_box(p, &mut needed);
+            let [min, max] = box_of(p, &mut needed, single_box);
             (min.map(f64::from), max.map(f64::from))
         }
-        PositionsView::F64(p) => double_box(p, &mut needed),
+        PositionsView::F64(p) => {
+            let [min, max] = box_of(p, &mut needed, double_box);
+            (min, max)
+        }
     };
     cleanup.unused_vertices = needed.iter().filter(|n| !**n).count();
     let extent = [0, 1, 2].map(|k| (max[k] - min[k]).max(0.0));
@@ -87,10 +96,9 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let frame = UnitFrame::with_size(centre, size);
     let diagonal = size * extent.iter().map(|x| (x / size) * (x / size)).sum::<f64>().sqrt();
 
-    let count = positions.len() - cleanup.unused_vertices;
     let keys = match positions {
-        PositionsView::F32(p) => keys(p, &needed, count, &frame),
-        PositionsView::F64(p) => keys(p, &needed, count, &frame),
+        PositionsView::F32(p) => keys(p, &needed, &frame),
+        PositionsView::F64(p) => keys(p, &needed, &frame),
     };
     drop(needed);
     let (keys, unsorted) = sorted(keys);
@@ -100,12 +108,8 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     };
     cleanup.welded_vertices = welded;
 
-    let left_out = |why| match why {
-        Unfit::NonFinite => cleanup.non_finite_faces += 1,
-        Unfit::Degenerate => cleanup.degenerate_faces += 1,
-    };
-    let faces =
-        items_by_lowest_vertex(triangles, &rank, points.len(), |_, t| t.map(|v| rank[v.index()]), left_out);
+    let (faces, left_out) = items_by_lowest_vertex(triangles, &rank, points.len(), |_, t| t);
+    (cleanup.non_finite_faces, cleanup.degenerate_faces) = (left_out.non_finite, left_out.degenerate);
     Ordered { frame, rank, point_count: points.len(), points, faces, cleanup, diagonal }
 }
 
@@ -141,18 +145,61 @@ impl Ordered {
     }
     /// Computes the faces again from the original surface.
     pub(crate) fn remake_faces(&self, surface: &Surface<'_>) -> Vec<[VertexId; 3]> {
-        let face = |_, t: &[VertexId; 3]| t.map(|v| self.rank[v.index()]);
-        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, face, |_| {})
+        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, |_, t| t).0
     }
     /// Returns an item for each face, from its index in the original surface, in the order of the faces.
-    pub(crate) fn of_faces<T: Zeroable>(&self, surface: &Surface<'_>, item: impl Fn(usize) -> T) -> Vec<T> {
-        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, |i, _| item(i), |_| {})
+    pub(crate) fn of_faces<T: Copy + Zeroable + Send + Sync>(
+        &self,
+        surface: &Surface<'_>,
+        item: impl Fn(usize) -> T + Sync,
+    ) -> Vec<T> {
+        items_by_lowest_vertex(surface.triangles(), &self.rank, self.point_count, |i, _| item(i)).0
     }
     /// Returns the wedges of the faces, in the order of the faces, from the original mesh.
     pub(crate) fn wedges(&self, surface: &Surface<'_>, mesh: &TriMesh) -> Vec<[WedgeId; 3]> {
         let wedges = mesh.triangles();
         self.of_faces(surface, |i| wedges[i])
     }
+}
+
+/// Returns the length of pieces of a list for all threads: one piece for one thread. A multiple of four.
+fn piece_length(count: usize) -> usize {
+    match chunks::threads(count) {
+        1 => count.max(1),
+        threads => count.div_ceil(PIECES_PER_THREAD * threads).next_multiple_of(4),
+    }
+}
+
+/// Returns which vertices the faces use.
+fn used(triangles: &[[VertexId; 3]], vertices: usize) -> Vec<bool> {
+    let used: Vec<AtomicBool> = (0..vertices).map(|_| AtomicBool::new(false)).collect();
+    chunks::map(triangles.len(), |range| {
+        for v in triangles[range].as_flattened() {
+            // (A write would take the cache line from other threads.)
+            if !used[v.index()].load(Relaxed) {
+                used[v.index()].store(true, Relaxed);
+            }
+        }
+    });
+    used.into_iter().map(AtomicBool::into_inner).collect()
+}
+
+/// Returns the bounding box of the needed points, from the boxes of pieces.
+fn box_of<P: Sync, T: Copy + PartialOrd + Send>(
+    points: &[P],
+    needed: &mut [bool],
+    of_piece: impl Fn(&[P], &mut [bool]) -> [[T; 3]; 2] + Sync,
+) -> [[T; 3]; 2] {
+    let length = piece_length(points.len());
+    let boxes =
+        chunks::shared(needed, length, |k, needed| of_piece(&points[k * length..][..needed.len()], needed));
+    let both = |[min, max]: [[T; 3]; 2], [low, high]: [[T; 3]; 2]| {
+        [
+            [0, 1, 2].map(|k| if low[k] < min[k] { low[k] } else { min[k] }),
+            [0, 1, 2].map(|k| if high[k] > max[k] { high[k] } else { max[k] }),
+        ]
+    };
+    boxes.into_iter().reduce(both).unwrap_or_else(|| of_piece(&[], &mut []))
 }
 
 /// Returns the bounding box of the needed points; clears `needed` for non-finite ones.
@@ -173,7 +220,7 @@ fn single_box(points: &[[f32; 3]], needed: &mut [bool]) -> [[f32; 3]; 2] {
 }
 
 /// Returns the bounding box of the needed points in double precision; clears `needed` for non-finite ones.
-fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> ([f64; 3], [f64; 3]) {
+fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> [[f64; 3]; 2] {
     let (mut min, mut max) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     for (p, needed) in points.iter().zip(needed).filter(|x| *x.1) {
         *needed = p.iter().all(|x| x.is_finite());
@@ -183,7 +230,7 @@ fn double_box(points: &[[f64; 3]], needed: &mut [bool]) -> ([f64; 3], [f64; 3]) 
             }
         }
     }
-    (min, max)
+    [min, max]
 }
 
 /// Reason to leave out a face.
@@ -207,67 +254,135 @@ fn ranked(rank: &[VertexId], t: &[VertexId; 3]) -> Result<[VertexId; 3], Unfit> 
     }
 }
 
-/// Returns an item for each sound face, from its index and its vertices, in the order of the faces' lowest
-/// vertices. Calls `left_out` with the reason for each of the others.
+/// Numbers of faces that are left out.
+#[derive(Clone, Copy, Default)]
+struct LeftOut {
+    non_finite: usize,
+    degenerate: usize,
+}
+
+impl LeftOut {
+    fn add(&mut self, why: &Unfit) {
+        match why {
+            Unfit::NonFinite => self.non_finite += 1,
+            Unfit::Degenerate => self.degenerate += 1,
+        }
+    }
+}
+
+/// Returns an item for each sound face, from its index and its vertices in new numbers, in the order of the
+/// faces' lowest vertices, and counts the others.
 #[inline(never)]
-fn items_by_lowest_vertex<T: Zeroable>(
+fn items_by_lowest_vertex<T: Copy + Zeroable + Send + Sync>(
     triangles: &[[VertexId; 3]],
     rank: &[VertexId],
     points: usize,
-    item: impl Fn(usize, &[VertexId; 3]) -> T,
-    mut left_out: impl FnMut(Unfit),
-) -> Vec<T> {
-    let mut at = vec![0u32; points];
-    let least = |t| ranked(rank, t).map(|r| r[0].min(r[1]).min(r[2]));
+    item: impl Fn(usize, [VertexId; 3]) -> T + Sync,
+) -> (Vec<T>, LeftOut) {
+    let length = piece_length(triangles.len());
+    // (Without threads there is only this one, and the code below is left out of the build.)
+    if cfg!(not(feature = "rayon")) || length >= triangles.len() {
+        return items_in_one_piece(triangles, rank, points, item);
+    }
+    // The lowest vertex of each sound face, and its item. (Made here: its vertices are read only once.)
+    let piece = |k: usize| {
+        let faces = k * length..((k + 1) * length).min(triangles.len());
+        let (mut sound, mut left_out) = (Vec::with_capacity(faces.len()), LeftOut::default());
+        for i in faces {
+            match ranked(rank, &triangles[i]) {
+                Ok(t) => sound.push((t[0].min(t[1]).min(t[2]).0, item(i, t))),
+                Err(why) => left_out.add(&why),
+            }
+        }
+        (sound, left_out)
+    };
+    let (pieces, left_out): (Vec<_>, Vec<_>) =
+        chunks::each(triangles.len().div_ceil(length), piece).into_iter().unzip();
+    let buckets = points.div_ceil(VERTICES_PER_BUCKET).max(1);
+    let faces = Buckets::new(pieces, buckets, |&(lowest, _)| lowest as usize / VERTICES_PER_BUCKET);
+    let items = faces.joined(|k, parts, place| {
+        let first = k * VERTICES_PER_BUCKET;
+        let mut at = vec![0u32; VERTICES_PER_BUCKET.min(points - first)];
+        for part in parts {
+            part.iter().for_each(|&(lowest, _)| at[lowest as usize - first] += 1);
+        }
+        to_offsets(&mut at);
+        for part in parts {
+            for &(lowest, item) in *part {
+                let slot = &mut at[lowest as usize - first];
+                place[*slot as usize] = item;
+                *slot += 1;
+            }
+        }
+    });
+    let sum = |a: LeftOut, b: LeftOut| LeftOut {
+        non_finite: a.non_finite + b.non_finite,
+        degenerate: a.degenerate + b.degenerate,
+    };
+    (items, left_out.into_iter().fold(LeftOut::default(), sum))
+}
+
+/// Does the same on one thread. (In buckets it would take a third more time, since each item is copied twice.)
+fn items_in_one_piece<T: Zeroable>(
+    triangles: &[[VertexId; 3]],
+    rank: &[VertexId],
+    points: usize,
+    item: impl Fn(usize, [VertexId; 3]) -> T,
+) -> (Vec<T>, LeftOut) {
+    let lowest = |t: [VertexId; 3]| t[0].min(t[1]).min(t[2]);
+    let (mut at, mut left_out) = (vec![0u32; points], LeftOut::default());
     // Computing the numbers again takes as long as the rest, but saves memory.
     let is_kept = triangles.len() <= TIME_OVER_MEMORY_MAX_FACES;
     let mut kept = Vec::with_capacity(if is_kept { triangles.len() } else { 0 });
     for t in triangles {
-        let least = match least(t) {
-            Ok(least) => {
-                at[least.index()] += 1;
-                least
-            }
-            Err(why) => {
-                left_out(why);
-                NONE
-            }
-        };
+        let lowest = ranked(rank, t).map(lowest);
+        match &lowest {
+            Ok(lowest) => at[lowest.index()] += 1,
+            Err(why) => left_out.add(why),
+        }
         if is_kept {
-            kept.push(least);
+            kept.push(lowest.unwrap_or(NONE));
         }
     }
-    let mut out: Vec<T> = zeroed_vec(to_offsets(&mut at) as usize);
+    let count = at.iter().map(|n| *n as usize).sum();
+    to_offsets(&mut at);
+    let mut items: Vec<T> = zeroed_vec(count);
     for (i, t) in triangles.iter().enumerate() {
-        let least = if is_kept { kept[i] } else { least(t).unwrap_or(NONE) };
-        if least != NONE {
-            let slot = &mut at[least.index()];
-            out[*slot as usize] = item(i, t);
+        let face = t.map(|v| rank[v.index()]);
+        let lowest = match kept.get(i) {
+            Some(&known) => known,
+            None => ranked(rank, t).map_or(NONE, lowest),
+        };
+        if lowest != NONE {
+            let slot = &mut at[lowest.index()];
+            items[*slot as usize] = item(i, face);
             *slot += 1;
         }
     }
-    out
+    (items, left_out)
 }
 
-/// Replaces counts by offsets (exclusive prefix sum). Returns the sum.
-fn to_offsets(counts: &mut [u32]) -> u32 {
-    let mut sum = 0;
-    for count in counts {
-        sum += std::mem::replace(count, sum);
-    }
-    sum
-}
-
-/// Returns sort keys of the needed points: the Morton code in the upper half, the number in the lower.
-#[inline(never)]
-fn keys<T: Copy>(points: &[[T; 3]], needed: &[bool], count: usize, frame: &UnitFrame) -> Vec<u64>
+/// Returns sort keys of the needed points in pieces: the Morton code in the upper half, the number in the lower.
+fn keys<T: Copy + Sync>(points: &[[T; 3]], needed: &[bool], frame: &UnitFrame) -> Vec<Vec<u64>>
 where
     f64: From<T>,
 {
-    let mut keys = Vec::with_capacity(count);
+    let length = piece_length(points.len());
+    chunks::each(points.len().div_ceil(length), |k| {
+        let range = k * length..((k + 1) * length).min(points.len());
+        keys_of_piece(&points[range.clone()], &needed[range.clone()], range.start as u32, frame)
+    })
+}
+
+/// Returns the keys of points with numbers from `first` on.
+#[inline(never)]
+fn keys_of_piece<T: Copy>(points: &[[T; 3]], needed: &[bool], mut first: u32, frame: &UnitFrame) -> Vec<u64>
+where
+    f64: From<T>,
+{
+    let mut keys = Vec::with_capacity(points.len());
     let (fours, rest) = points.as_chunks::<4>();
     let (fours_needed, rest_needed) = needed.as_chunks::<4>();
-    let mut first = 0;
     let key = |code: u32, i: u32| u64::from(code) << 32 | u64::from(i);
     for (four, needed) in fours.iter().zip(fours_needed) {
         let codes = morton(&four_units(frame, four));
@@ -288,30 +403,65 @@ where
     keys
 }
 
+/// Returns one of the three digits of a code, the lowest first.
+#[inline(always)]
+fn digit(key: u64, of: usize) -> usize {
+    (key >> (32 + DIGIT_BITS * of as u32)) as usize % DIGITS
+}
+
 /// Sorts keys by their codes, except for some of the codes' lowest bits; returns the number of unsorted bits.
+fn sorted(mut pieces: Vec<Vec<u64>>) -> (Vec<u64>, u32) {
+    let is_short = pieces.iter().map(Vec::len).sum::<usize>() < THREE_DIGIT_MIN_VERTICES;
+    if cfg!(not(feature = "rayon")) || is_short {
+        let mut keys = if pieces.len() == 1 { pieces.remove(0) } else { pieces.concat() };
+        if !is_short {
+            sort_by_digits(&mut keys, &[0]);
+        }
+        sort_by_digits(&mut keys, &[1, 2]);
+        return (keys, if is_short { DIGIT_BITS } else { 0 });
+    }
+    let buckets = Buckets::new(pieces, DIGITS, |&key| digit(key, 2));
+    let keys = buckets.joined(|_, parts, place: &mut [u64]| {
+        let mut rest = &mut *place;
+        for part in parts {
+            let (next, after) = rest.split_at_mut(part.len());
+            next.copy_from_slice(part);
+            rest = after;
+        }
+        if place.len() < DIGITS / 2 {
+            // (Keys of one cell differ in the number of the point.)
+            place.sort_unstable();
+        } else {
+            sort_by_digits(place, &[0, 1]);
+        }
+    });
+    (keys, 0)
+}
+
+/// Sorts keys by one or two digits of their codes, of which the last counts most.
 #[inline(never)]
-fn sorted(mut keys: Vec<u64>) -> (Vec<u64>, u32) {
-    // All digits are counted in one pass.
-    let mut counts = [[0u32; DIGITS]; 3];
-    let digit = |key: u64, pass: usize| (key >> (32 + DIGIT_BITS * pass as u32)) as usize % DIGITS;
-    let first = if keys.len() < THREE_DIGIT_MIN_VERTICES { 1 } else { 0 };
-    for &key in &keys {
-        for pass in first..3 {
-            counts[pass][digit(key, pass)] += 1;
+fn sort_by_digits(keys: &mut [u64], digits: &[usize]) {
+    let mut counts = [[0u32; DIGITS]; 2];
+    for &key in &*keys {
+        for (counts, of) in counts.iter_mut().zip(digits) {
+            counts[digit(key, *of)] += 1;
         }
     }
     let mut spare = vec![0; keys.len()];
-    for pass in first..3 {
-        let at = &mut counts[pass];
+    let mut is_spare = false;
+    for (at, of) in counts.iter_mut().zip(digits) {
+        let (from, to) = if is_spare { (&spare[..], &mut *keys) } else { (&*keys, &mut spare[..]) };
         to_offsets(at);
-        for &key in &keys {
-            let slot = &mut at[digit(key, pass)];
-            spare[*slot as usize] = key;
+        for &key in from {
+            let slot = &mut at[digit(key, *of)];
+            to[*slot as usize] = key;
             *slot += 1;
         }
-        std::mem::swap(&mut keys, &mut spare);
+        is_spare = !is_spare;
     }
-    (keys, DIGIT_BITS * first as u32)
+    if is_spare {
+        keys.copy_from_slice(&spare);
+    }
 }
 
 /// New numbers of the vertices, and the points by new number.
@@ -322,16 +472,12 @@ struct Numbers {
     welded: usize,
 }
 
-impl Numbers {
-    #[inline(always)]
-    fn add<T: Copy>(&mut self, key: u64, places: &[[T; 3]], frame: &UnitFrame)
-    where
-        f64: From<T>,
-    {
-        let v = vertex(key);
-        self.rank[v.index()] = VertexId(self.points.len() as u32);
-        self.points.push(single_unit(frame, places[v.index()].map(f64::from)));
-    }
+/// The vertices of some cells.
+struct Numbered {
+    /// Number of the vertex of each key, counted from the first of these cells.
+    numbers: Vec<u32>,
+    points: Vec<Vec3>,
+    welded: usize,
 }
 
 #[inline(always)]
@@ -341,8 +487,7 @@ fn vertex(key: u64) -> VertexId {
 
 /// Numbers vertices in the order of their keys, whose codes have `unsorted` unsorted lowest bits; vertices
 /// at one position get the same number.
-#[inline(never)]
-fn numbers<T: Copy + PartialOrd>(
+fn numbers<T: Copy + PartialOrd + Sync>(
     mut keys: Vec<u64>,
     unsorted: u32,
     places: &[[T; 3]],
@@ -351,8 +496,63 @@ fn numbers<T: Copy + PartialOrd>(
 where
     f64: From<T>,
 {
-    let (rank, points) = (vec![NONE; places.len()], Vec::with_capacity(keys.len()));
-    let mut all = Numbers { rank, points, welded: 0 };
+    let lengths = lengths_of_cells(&keys, unsorted);
+    let pieces = chunks::cut(&mut keys, lengths.into_iter());
+    let mut pieces = chunks::over(pieces, |_, keys| {
+        let numbered = number_cells(keys, unsorted, places, frame);
+        (keys, numbered)
+    });
+    let mut count = 0;
+    let mut firsts = Vec::with_capacity(pieces.len());
+    for (_, piece) in &pieces {
+        firsts.push(count);
+        count += piece.points.len() as u32;
+    }
+    let rank: Vec<AtomicU32> = (0..places.len()).map(|_| AtomicU32::new(NONE.0)).collect();
+    chunks::each(pieces.len(), |k| {
+        let (keys, piece) = &pieces[k];
+        for (key, number) in keys.iter().zip(&piece.numbers) {
+            rank[vertex(*key).index()].store(firsts[k] + number, Relaxed);
+        }
+    });
+    let rank = rank.into_iter().map(|r| VertexId(r.into_inner())).collect();
+    let welded = pieces.iter().map(|(_, piece)| piece.welded).sum();
+    let points = match &mut pieces[..] {
+        [(_, piece)] => std::mem::take(&mut piece.points),
+        pieces => pieces.iter().map(|(_, piece)| &piece.points[..]).collect::<Vec<_>>().concat(),
+    };
+    Numbers { rank, points, welded }
+}
+
+/// Returns the lengths of pieces of the keys that end with a cell.
+fn lengths_of_cells(keys: &[u64], unsorted: u32) -> Vec<usize> {
+    let cell = |key: u64| key >> (32 + unsorted);
+    let length = piece_length(keys.len());
+    let (mut lengths, mut start) = (Vec::new(), 0);
+    while start < keys.len() {
+        let mut end = (start + length).min(keys.len());
+        while end < keys.len() && cell(keys[end]) == cell(keys[end - 1]) {
+            end += 1;
+        }
+        lengths.push(end - start);
+        start = end;
+    }
+    lengths
+}
+
+/// Numbers the vertices of whole cells.
+#[inline(never)]
+fn number_cells<T: Copy + PartialOrd>(
+    keys: &mut [u64],
+    unsorted: u32,
+    places: &[[T; 3]],
+    frame: &UnitFrame,
+) -> Numbered
+where
+    f64: From<T>,
+{
+    let (numbers, points) = (Vec::with_capacity(keys.len()), Vec::with_capacity(keys.len()));
+    let mut all = Numbered { numbers, points, welded: 0 };
     let cell = |key: u64| key >> (32 + unsorted);
     let mut start = 0;
     while let Some(&first) = keys.get(start) {
@@ -369,33 +569,46 @@ where
             run.sort_unstable();
         }
         for run in run.chunk_by_mut(|a, b| a >> 32 == b >> 32) {
-            add_cell(run, places, frame, &mut all);
+            all.add_cell(run, places, frame);
         }
     }
     all
 }
 
-/// Numbers the vertices of one cell.
-fn add_cell<T: Copy + PartialOrd>(run: &mut [u64], places: &[[T; 3]], frame: &UnitFrame, all: &mut Numbers)
-where
-    f64: From<T>,
-{
-    let is_many = run.len() > CELL_SORT_MIN_VERTICES;
-    if is_many {
-        run.sort_unstable_by(|a, b| {
-            let (p, q) = (places[vertex(*a).index()], places[vertex(*b).index()]);
-            let by = |k: usize| p[k].partial_cmp(&q[k]).unwrap_or(std::cmp::Ordering::Equal);
-            by(0).then(by(1)).then(by(2)).then(a.cmp(b))
-        });
+impl Numbered {
+    #[inline(always)]
+    fn add<T: Copy>(&mut self, key: u64, places: &[[T; 3]], frame: &UnitFrame)
+    where
+        f64: From<T>,
+    {
+        self.numbers.push(self.points.len() as u32);
+        self.points.push(single_unit(frame, places[vertex(key).index()].map(f64::from)));
     }
-    for k in 0..run.len() {
-        let v = vertex(run[k]).index();
-        let earlier = if is_many { &run[k.saturating_sub(1)..k] } else { &run[..k] };
-        if let Some(&twin) = earlier.iter().find(|x| places[vertex(**x).index()] == places[v]) {
-            all.rank[v] = all.rank[vertex(twin).index()];
-            all.welded += 1;
-        } else {
-            all.add(run[k], places, frame);
+
+    /// Numbers the vertices of one cell.
+    fn add_cell<T: Copy + PartialOrd>(&mut self, run: &mut [u64], places: &[[T; 3]], frame: &UnitFrame)
+    where
+        f64: From<T>,
+    {
+        let is_many = run.len() > CELL_SORT_MIN_VERTICES;
+        if is_many {
+            run.sort_unstable_by(|a, b| {
+                let (p, q) = (places[vertex(*a).index()], places[vertex(*b).index()]);
+                let by = |k: usize| p[k].partial_cmp(&q[k]).unwrap_or(std::cmp::Ordering::Equal);
+                by(0).then(by(1)).then(by(2)).then(a.cmp(b))
+            });
+        }
+        let first = self.numbers.len();
+        for k in 0..run.len() {
+            let here = places[vertex(run[k]).index()];
+            let from = if is_many { k.saturating_sub(1) } else { 0 };
+            let twin = (from..k).find(|&i| places[vertex(run[i]).index()] == here);
+            if let Some(twin) = twin {
+                self.numbers.push(self.numbers[first + twin]);
+                self.welded += 1;
+            } else {
+                self.add(run[k], places, frame);
+            }
         }
     }
 }
@@ -468,6 +681,54 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// A large mesh in no order: equal positions, points that are not finite or unused, and faces to leave out.
+    fn shuffled() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let random = |i: u32| i.wrapping_mul(0x9e37_79b9).rotate_left(13).wrapping_mul(0x85eb_ca6b);
+        let unit = |x: u32| (x >> 8) as f32 / (1 << 24) as f32;
+        let count = 4 * VERTICES_PER_BUCKET as u32 + 77;
+        let point = |i: u32| match i % 500 {
+            0 => [f32::NAN, 0.0, 0.0],
+            _ => [0, 1, 2].map(|k| unit(random(3 * (i % (count / 2 + 1)) + k))),
+        };
+        // (No face uses the last points.)
+        let face = |i: u32| [0, 1, 2].map(|k| random(7 * i + k) % (count - 20));
+        ((0..count).map(point).collect(), (0..2 * count).map(face).collect())
+    }
+
+    #[test]
+    fn large_meshes_are_ordered_in_pieces_as_by_plain_sorts() {
+        let (points, faces) = shuffled();
+        let o = surface(&points, &faces);
+        let mut used = vec![false; points.len()];
+        faces.iter().flatten().for_each(|&v| used[v as usize] = true);
+        let is_good = |i: &usize| used[*i] && points[*i].iter().all(|x| x.is_finite());
+        assert_eq!(o.cleanup.unused_vertices, (0..points.len()).filter(|i| !is_good(i)).count());
+
+        // Vertices by code, then by number; the first of equal ones stands for all.
+        let code = |i: usize| {
+            morton(&std::array::from_fn(|k| single_unit(&o.frame, points[i].map(f64::from))[k % 3]))[0]
+        };
+        let mut numbers: Vec<usize> = (0..points.len()).filter(is_good).collect();
+        numbers.sort_by_key(|&i| (code(i), i));
+        let mut seen = std::collections::HashMap::new();
+        let mut rank = vec![NONE; points.len()];
+        for i in numbers {
+            let next = VertexId::new(seen.len());
+            rank[i] = *seen.entry(points[i].map(|x| (x + 0.0).to_bits())).or_insert(next);
+        }
+        assert!(rank == o.rank && seen.len() == o.points.len());
+        assert_eq!(o.points.len() + o.cleanup.welded_vertices, rank.iter().filter(|r| **r != NONE).count());
+
+        // Faces by lowest vertex, then by number.
+        let mut sound: Vec<[VertexId; 3]> = faces.iter().map(|t| t.map(|v| rank[v as usize])).collect();
+        let bad = sound.iter().filter(|t| t.contains(&NONE)).count();
+        sound.retain(|t| !t.contains(&NONE) && t[0] != t[1] && t[1] != t[2] && t[2] != t[0]);
+        sound.sort_by_key(|t| t.iter().min().copied());
+        assert!(sound == o.faces);
+        assert_eq!(o.cleanup.non_finite_faces, bad);
+        assert_eq!(o.cleanup.degenerate_faces, faces.len() - bad - sound.len());
     }
 
     #[test]
