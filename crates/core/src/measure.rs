@@ -182,7 +182,8 @@ pub fn compare_prepared_until(
 /// Measures the two-way RMS distance alone, like [`Comparison::rms`], until `is_over` returns true: then `None`. It is
 /// called often, on this thread.
 ///
-/// Without normals and a search for the largest distance, a sample costs about half as much as in a comparison.
+/// Lengths are in the units of the positions. Normals and the largest distance are not looked for, so it takes less time than
+/// a comparison. Cost: O(log n) for each sample, for n faces.
 pub fn rms_prepared_until(
     reference: &Prepared,
     candidate: &Prepared,

@@ -15,9 +15,9 @@ use crate::deviation::InputComparer;
 /// Numbers of samples in each direction: more are drawn while the best result is not clear.
 const COMPARISON_SAMPLES: [usize; 3] = [2_000, 8_000, 20_000];
 /// A result is clearly the best if the distance of each other one is larger by this many standard deviations of their
-/// quotient.
+/// quotient. (Guessed: three are seldom exceeded by chance.)
 const CLEAR_DEVIATIONS: f64 = 3.0;
-/// If this many deviations are less than this share of the distance, either of two near results is fine.
+/// If [`CLEAR_DEVIATIONS`] are less than this share of the distance, either of two near results is fine. (Guessed.)
 const FINE_SHARE: f64 = 0.06;
 /// A result without topology changes and moved seams is preferred unless another is closer by this factor:
 /// parts should not be removed for a small gain. (Guessed.)

@@ -60,7 +60,7 @@ pub(crate) struct RelaxedRules {
     pub(crate) sharp_edges: bool,
 }
 
-/// What only a pass of the engine has.
+/// The part of an outcome that only a pass of the engine has: a method that builds a new surface leaves the defaults.
 #[derive(Default)]
 pub(crate) struct EngineOutcome {
     pub(super) fitted: bool,
@@ -73,7 +73,7 @@ pub(crate) struct EngineOutcome {
     pub(super) trace: Option<Trace>,
 }
 
-/// What was kept although another run may be closer without it.
+/// Seams, parts and necks that a pass kept at a cost: a run without them may be closer to the input.
 #[derive(Default)]
 pub(super) struct KeptAtCost {
     /// Seams stayed on their lines, and refused collapses.
