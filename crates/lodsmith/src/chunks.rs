@@ -1,11 +1,14 @@
-//! Parallel work in chunks whose results are joined in order: the same bytes with any number of threads.
+//! Parallel work in chunks whose results are joined in order: the same bytes with any number of threads. (A module of
+//! WebAssembly has one thread: rayon would only make it larger.)
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-#[cfg(feature = "rayon")]
+#[cfg(all(feature = "rayon", not(target_family = "wasm")))]
 use rayon::prelude::*;
 
+/// False in a build that has one thread only, so that code for several is left out.
+pub(crate) const HAS_THREADS: bool = cfg!(all(feature = "rayon", not(target_family = "wasm")));
 /// Minimum number of elements per chunk: scheduling one takes as long as some thousand elements. Chunk
 /// lengths are multiples of it, so that a chunk starts at a full word of a bit set.
 const MIN_CHUNK_LEN: usize = 1 << 11;
@@ -20,9 +23,9 @@ const MAX_SEQUENTIAL_LEN: usize = 1 << 13;
 
 /// Returns the number of threads for `count` elements; no result depends on it.
 pub(crate) fn threads(count: usize) -> usize {
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     let all = rayon::current_num_threads();
-    #[cfg(not(feature = "rayon"))]
+    #[cfg(not(all(feature = "rayon", not(target_family = "wasm"))))]
     let all = 1;
     if count > MAX_SEQUENTIAL_LEN { all } else { 1 }
 }
@@ -46,7 +49,7 @@ pub(crate) fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync
 /// Collects `make(i)` for each number below `count`; written in place, since zeroed memory would be written
 /// twice.
 pub(crate) fn list<T: Send>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     if threads(count) > 1 {
         return (0..count).into_par_iter().with_min_len(MIN_CHUNK_LEN).map(&make).collect();
     }
@@ -94,7 +97,7 @@ fn take<T>(of: &Mutex<Option<T>>) -> T {
 fn hand_out(count: usize, work: &(dyn Fn(usize) + Sync)) {
     // Scheduling a single chunk on another thread costs tens of microseconds; a small mesh takes hundreds in
     // total.
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     if count > 1 && rayon::current_num_threads() > 1 {
         return (0..count).into_par_iter().for_each(work);
     }
@@ -108,7 +111,7 @@ pub(crate) fn cut<T>(mut items: &mut [T], lengths: impl Iterator<Item = usize>) 
 
 /// Sorts items whose order is total: equal items are identical.
 pub(crate) fn sort<T: Ord + Send>(items: &mut [T]) {
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     if threads(items.len()) > 1 {
         return items.par_sort_unstable();
     }
@@ -121,7 +124,7 @@ pub(crate) fn both<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     if threads(count) > 1 {
         return rayon::join(a, b);
     }

@@ -1,4 +1,5 @@
-//! Work in chunks of fixed size, joined in order: the same numbers at any number of threads.
+//! Work in chunks of fixed size, joined in order: the same numbers at any number of threads. A module of WebAssembly has one
+//! thread, and rayon would only make it larger.
 
 use std::ops::Range;
 
@@ -18,12 +19,12 @@ pub fn map<T: Send>(count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Ve
 pub(crate) fn map_by<T: Send>(size: usize, count: usize, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let piece = |k: usize| work(k * size..((k + 1) * size).min(count));
     let pieces = 0..count.div_ceil(size);
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     {
         use rayon::prelude::*;
         pieces.into_par_iter().map(piece).collect()
     }
-    #[cfg(not(feature = "rayon"))]
+    #[cfg(not(all(feature = "rayon", not(target_family = "wasm"))))]
     pieces.map(piece).collect()
 }
 
@@ -35,9 +36,9 @@ pub(crate) fn map_until<T: Send>(
     is_over: &mut dyn FnMut() -> bool,
     work: impl Fn(Range<usize>) -> T + Sync,
 ) -> Option<Vec<T>> {
-    #[cfg(feature = "rayon")]
+    #[cfg(all(feature = "rayon", not(target_family = "wasm")))]
     let threads = rayon::current_num_threads();
-    #[cfg(not(feature = "rayon"))]
+    #[cfg(not(all(feature = "rayon", not(target_family = "wasm"))))]
     let threads = 1;
     let step = size * CHUNKS_PER_QUESTION * threads;
     let mut all = Vec::new();

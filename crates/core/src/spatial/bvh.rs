@@ -532,7 +532,7 @@ fn sort_into_slots(items: &mut [FaceEntry]) {
     both(left, right);
 }
 
-#[cfg(feature = "rayon")]
+#[cfg(all(feature = "rayon", not(target_family = "wasm")))]
 fn both(left: &mut [FaceEntry], right: &mut [FaceEntry]) {
     // Below this, starting a task costs more than the sorting (guessed).
     if left.len() > 8192 {
@@ -543,7 +543,7 @@ fn both(left: &mut [FaceEntry], right: &mut [FaceEntry]) {
     }
 }
 
-#[cfg(not(feature = "rayon"))]
+#[cfg(not(all(feature = "rayon", not(target_family = "wasm"))))]
 fn both(left: &mut [FaceEntry], right: &mut [FaceEntry]) {
     sort_into_slots(left);
     sort_into_slots(right);

@@ -77,15 +77,9 @@ pub(crate) fn order(surface: &Surface<'_>) -> Ordered {
     let (positions, triangles) = (surface.positions(), surface.triangles());
     let mut cleanup = Cleanup::default();
     let mut needed = used(triangles, positions.len());
-    let (min, max) = match positions {
-        PositionsView::F32(p) => {
-            let [min, max] = box_of(p, &mut needed, single_box);
-            (min.map(f64::from), max.map(f64::from))
-        }
-        PositionsView::F64(p) => {
-            let [min, max] = box_of(p, &mut needed, double_box);
-            (min, max)
-        }
+    let [min, max] = match positions {
+        PositionsView::F32(p) => box_of(p, &mut needed, single_box).map(|corner| corner.map(f64::from)),
+        PositionsView::F64(p) => box_of(p, &mut needed, double_box),
     };
     cleanup.unused_vertices = needed.iter().filter(|n| !**n).count();
     let extent = [0, 1, 2].map(|k| (max[k] - min[k]).max(0.0));
@@ -280,8 +274,7 @@ fn items_by_lowest_vertex<T: Copy + Zeroable + Send + Sync>(
     item: impl Fn(usize, [VertexId; 3]) -> T + Sync,
 ) -> (Vec<T>, LeftOut) {
     let length = piece_length(triangles.len());
-    // (Without threads there is only this one, and the code below is left out of the build.)
-    if cfg!(not(feature = "rayon")) || length >= triangles.len() {
+    if !chunks::HAS_THREADS || length >= triangles.len() {
         return items_in_one_piece(triangles, rank, points, item);
     }
     // The lowest vertex of each sound face, and its item. (Made here: its vertices are read only once.)
@@ -412,7 +405,7 @@ fn digit(key: u64, of: usize) -> usize {
 /// Sorts keys by their codes, except for some of the codes' lowest bits; returns the number of unsorted bits.
 fn sorted(mut pieces: Vec<Vec<u64>>) -> (Vec<u64>, u32) {
     let is_short = pieces.iter().map(Vec::len).sum::<usize>() < THREE_DIGIT_MIN_VERTICES;
-    if cfg!(not(feature = "rayon")) || is_short {
+    if !chunks::HAS_THREADS || is_short {
         let mut keys = if pieces.len() == 1 { pieces.remove(0) } else { pieces.concat() };
         if !is_short {
             sort_by_digits(&mut keys, &[0]);
