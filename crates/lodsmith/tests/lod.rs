@@ -248,6 +248,28 @@ fn a_caller_can_end_a_chain() {
     assert_eq!(chain.levels.last().unwrap().report.stopped_by, StoppedBy::Caller);
 }
 
+/// When the run in which parts are removed was ended, it replaced a level that was there: the second of `brain_mri`
+/// had more faces than the first.
+#[test]
+fn no_level_of_an_ended_chain_has_more_faces_than_the_one_before() {
+    let mesh = shapes::level(24, 200);
+    let options = ratios(&[0.5, 0.3, 0.15]);
+    let whole = lod(&mesh, &options).unwrap();
+    assert!(whole.levels[2].report.parts_removed > 0);
+    let mut ended = 0;
+    for after in 15..60 {
+        let chain = lod_with(&mesh, &options, &mut CancelAt(after, Verdict::Finish)).unwrap();
+        let faces: Vec<usize> = chain.levels.iter().map(|level| level.report.faces).collect();
+        assert!(faces.is_sorted_by(|a, b| a >= b), "{faces:?} after {after} questions");
+        let is_ended = |level: &Simplified| level.report.stopped_by == StoppedBy::Caller;
+        ended += usize::from(chain.levels.iter().any(is_ended));
+        for level in chain.levels.iter().filter(|level| level.report.reached) {
+            assert!(level.report.proposals.is_empty());
+        }
+    }
+    assert!(ended > 10, "{ended}");
+}
+
 /// Ends a run at the nth question of the stage `Measure`.
 struct EndsInMeasure {
     left: usize,

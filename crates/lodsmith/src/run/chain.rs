@@ -89,7 +89,7 @@ impl Run<'_, '_> {
         let is_relaxed = self.options.topology == TopologyPolicy::Relaxed;
         let mut changes = TopologyChanges::from_start(self.options);
         let mut trunk: Option<Trunk<M>> = None;
-        let mut outcomes = Vec::with_capacity(goals.len());
+        let mut outcomes: Vec<RunOutcome> = Vec::with_capacity(goals.len());
         for i in 0..goals.len() {
             let control = &mut ProgressShare::of(control, i, goals.len());
             let mut level = |run: &mut Self, trunk: &mut _, changes: &mut _| {
@@ -98,21 +98,30 @@ impl Run<'_, '_> {
             let mut outcome = level(self, &mut trunk, &mut changes)?;
             let is_short =
                 outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
-            if is_relaxed && !changes.parts && is_short && outcome.end != StopReason::Finish {
+            let mut is_last = outcome.end == StopReason::Finish;
+            if is_relaxed && !changes.parts && is_short && !is_last {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.
                 let (mut second, mut own) = (None, TopologyChanges::removal(self.options));
                 let other = level(self, &mut second, &mut own)?;
-                if outcome.tally.parts_removed > 0
-                    || self.closest_index(&[&outcome, &other], None, control)? == 1
+                is_last = other.end == StopReason::Finish;
+                // (A run that the caller ended may have stopped far above the goal.)
+                if !is_last
+                    && (outcome.tally.parts_removed > 0
+                        || self.closest_index(&[&outcome, &other], None, control)? == 1)
                 {
                     (trunk, changes, outcome) = (second, own, other);
-                } else {
+                } else if outcome.end == StopReason::Stuck {
                     outcome.engine.proposals = other.engine.proposals;
                 }
             }
-            let is_last = outcome.end == StopReason::Finish;
-            outcomes.push(outcome);
+            match outcomes.last_mut() {
+                // A run that began anew was ended far above the goal.
+                Some(before) if is_last && outcome.mesh.face_count() > before.mesh.face_count() => {
+                    before.end = StopReason::Finish;
+                }
+                _ => outcomes.push(outcome),
+            }
             if is_last {
                 break;
             }
