@@ -73,12 +73,18 @@ pub(crate) fn shared<T: Send, R: Send>(
 
 /// Calls `work` with each item and its index; results in their order.
 pub(crate) fn over<T: Send, R: Send>(items: Vec<T>, work: impl Fn(usize, T) -> R + Sync) -> Vec<R> {
+    if !HAS_THREADS {
+        return items.into_iter().enumerate().map(|(k, item)| work(k, item)).collect();
+    }
     let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     each(items.len(), |k| work(k, take(&items[k])))
 }
 
 /// Calls `work` with each number below `count`; results in their order.
 pub(crate) fn each<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    if !HAS_THREADS {
+        return (0..count).map(work).collect();
+    }
     let done: Vec<Mutex<Option<T>>> = (0..count).map(|_| Mutex::new(None)).collect();
     hand_out(count, &|k| {
         let result = work(k);

@@ -22,6 +22,7 @@
 //! fraction of its time.
 
 pub(crate) mod attributes;
+mod blocks;
 mod bound;
 pub(crate) mod bounded;
 mod budget;
@@ -235,6 +236,16 @@ impl Tally {
     /// True if a collapse was refused for this reason.
     pub(crate) fn has_refused(&self, why: Refusal) -> bool {
         self.refusals[why as usize] > 0
+    }
+
+    /// Adds the collapses of a block.
+    fn add(&mut self, block: &Self) {
+        for (n, more) in self.refusals.iter_mut().zip(block.refusals) {
+            *n += more;
+        }
+        self.collapses += block.collapses;
+        self.faces_visited += block.faces_visited;
+        self.collapse_cost += block.collapse_cost;
     }
 
     fn refuse(&mut self, why: Refusal) {

@@ -90,8 +90,8 @@ use lodsmith_core::TriMesh;
 pub use input::{Input, MeshData, OwnedMeshData};
 pub use methods::remesh;
 pub use options::{
-    AttributeWeights, BorderPolicy, Bound, Effort, Fit, Guards, Length, Measure, Method, MethodKind,
-    Placement, Preset, Remesh, RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
+    AttributeWeights, BlockSizes, BorderPolicy, Bound, Effort, Fit, Guards, Length, Measure, Method,
+    MethodKind, Placement, Preset, Remesh, RemeshPattern, SimplifyOptions, Stop, TopologyPolicy,
 };
 pub use progressive::{ChangedRanges, Progressive, ProgressiveScene};
 pub use proposal::{Change, Proposal};

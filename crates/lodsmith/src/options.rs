@@ -238,6 +238,22 @@ pub struct QuickPass {
     pub move_weight: f32,
 }
 
+/// Sizes of the blocks that large meshes are swept in: they decide the result, whatever the number of threads.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockSizes {
+    /// Number of faces from which a mesh is cut into blocks.
+    pub min_faces: usize,
+    /// Number of vertices of a block.
+    pub vertices: usize,
+}
+
+impl Default for BlockSizes {
+    fn default() -> Self {
+        Self { min_faces: 400_000, vertices: 24_000 }
+    }
+}
+
 /// All options of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -288,6 +304,9 @@ pub struct SimplifyOptions {
     /// Makes one quick pass, if set.
     #[doc(hidden)]
     pub quick: Option<QuickPass>,
+    /// Sizes of blocks.
+    #[doc(hidden)]
+    pub blocks: BlockSizes,
     /// Seed of all random choices: equal seeds give equal bytes.
     pub seed: u64,
 }

@@ -3,6 +3,7 @@
 
 mod appearance;
 mod attributes;
+mod blocks;
 mod bounded;
 mod clean;
 mod cluster_lod;

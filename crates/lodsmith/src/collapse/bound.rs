@@ -64,6 +64,28 @@ impl Histogram {
             self.known += 1;
         }
     }
+    /// Leaves out the bounds of vertices that have not been visited. Returns their number.
+    pub(super) fn leave_out_unknown(&mut self) -> usize {
+        let unknown = usize::from(bin(UNKNOWN));
+        let count = match &mut self.bins {
+            Bins::Table(bins) => std::mem::take(&mut bins[unknown]) as usize,
+            Bins::List(list) => list.extract_if(.., |k| usize::from(*k) == unknown).count(),
+        };
+        self.known -= count;
+        count
+    }
+    /// Returns the sum of several histograms.
+    pub(super) fn sum<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
+        let (mut sum, mut known) = (no_counts(), 0);
+        for one in all {
+            match &one.bins {
+                Bins::Table(bins) => sum.iter_mut().zip(bins.iter()).for_each(|(n, other)| *n += other),
+                Bins::List(list) => list.iter().for_each(|&k| sum[usize::from(k)] += 1),
+            }
+            known += one.known;
+        }
+        Self { bins: Bins::Table(sum), known }
+    }
     /// Returns the number of finite bounds.
     pub(crate) fn known(&self) -> usize {
         self.known

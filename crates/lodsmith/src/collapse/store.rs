@@ -111,6 +111,48 @@ impl<Q: VertexMemory> Store<Q> {
         }
     }
 
+    /// Creates the store of a block from its vertices, their bounds and its faces; the corner lists are still to be
+    /// filled.
+    pub(super) fn of_vertices(v: Vec<Vertex<Q>>, bound: Vec<f32>, t: Vec<[VertexId; 3]>) -> Self {
+        let mut store = Self::new(&[], t, None, None);
+        store.live_vertices = v.iter().filter(|x| !x.kind.is_gone()).count();
+        store.merged_into = (0..v.len() as u32).map(VertexId).collect();
+        (store.v, store.bound) = (v, bound);
+        store
+    }
+
+    /// Takes out vertices, bounds and faces; numbers in the ordered input stay.
+    pub(super) fn take_elements(&mut self) -> (Vec<Vertex<Q>>, Vec<f32>, Vec<[VertexId; 3]>) {
+        self.corners = Vec::new();
+        (std::mem::take(&mut self.v), std::mem::take(&mut self.bound), std::mem::take(&mut self.t))
+    }
+
+    /// Puts in vertices, bounds and faces of other numbers, all live; the corner lists are still to be filled.
+    pub(super) fn put_elements(&mut self, v: Vec<Vertex<Q>>, bound: Vec<f32>, t: Vec<[VertexId; 3]>) {
+        (self.v, self.bound, self.t) = (v, bound, t);
+        (self.live_faces, self.live_vertices) = (self.t.len(), self.v.len());
+        self.faces_at_compaction = self.live_faces;
+        self.generation += 1;
+    }
+
+    /// Makes room for corner lists; numbers stay.
+    #[cold]
+    pub(super) fn repack(&mut self) {
+        // (Of a vertex that is gone too, because lists are prefetched.)
+        for x in self.v.iter_mut().filter(|x| x.kind.is_gone()) {
+            x.list(0, 0);
+        }
+        let count = self.v.iter().map(|x| x.count as usize).sum();
+        let old = std::mem::take(&mut self.corners);
+        let corners = reserve_corners(&mut self.corners, count);
+        let mut head = 0;
+        for x in &mut self.v {
+            let list = &old[x.head as usize..(x.head + x.count) as usize];
+            corners[head as usize..][..list.len()].copy_from_slice(list);
+            head += x.list(head, x.count);
+        }
+    }
+
     /// Rebuilds the corner lists.
     pub(crate) fn link(&mut self) {
         // Counted in a separate table, which is an eighth of the size of the vertices.
@@ -203,6 +245,13 @@ impl<Q: VertexMemory> Store<Q> {
     pub(crate) fn wants_compaction(&self, needed: Option<usize>) -> bool {
         self.live_faces * 100 < self.faces_at_compaction * COMPACT_PERCENT
             && needed.is_none_or(|n| 2 * n * 100 > self.live_faces * MIN_REMAINING_PERCENT)
+    }
+
+    /// Removes dead elements, if there are any.
+    pub(super) fn compact_if_needed(&mut self) {
+        if self.live_faces < self.t.len() || self.live_vertices < self.v.len() {
+            self.compact();
+        }
     }
 
     /// Removes dead elements and renumbers; the order is preserved.

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use lodsmith_core::VertexId;
 use wide::f32x8;
 
+use super::blocks::Blocks;
 use super::bound::Histogram;
 use super::candidate::{Attempt, CollapseOutcome};
 use super::star_data::PREFETCH_MIN_VERTICES;
@@ -37,11 +38,15 @@ const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
 /// first of many thresholds.
 const VERTICES_PER_FIRST_SAMPLE: usize = 24;
 const MIN_FIRST_SAMPLES: usize = 128;
+/// Live faces or vertices, in units of the goal's, below which a mesh is not cut any more: the last sweeps are serial.
+const LAST_PART: f64 = 1.05;
+/// Once a mesh is cut, it is cut again down to the number of faces from which meshes are cut, divided by this.
+const MIN_FACES_DIVISOR: usize = 4;
 /// Number of vertices between two progress reports.
 pub(super) const VISITS_PER_PROGRESS_REPORT: usize = 4096;
 
-/// Bounds of vertices, and the number of vertices that they were computed from.
-type Bounds = (Histogram, usize);
+/// Bounds of vertices, and the share of all vertices that they were computed from.
+type Bounds = (Histogram, f64);
 
 /// State of a run of sweeps.
 #[derive(Clone)]
@@ -195,9 +200,10 @@ impl<M: Metric> Engine<M> {
         let mut scratch = VisitScratch::default();
         self.mesh.cost.area = (self.mesh.cost.total_area / self.mesh.store.live_faces.max(1) as f64) as f32;
         let first = self.first_bounds(&mut scratch);
+        let share = first.len() as f64 / self.mesh.store.v.len().max(1) as f64;
         let needed_at_start = self.mesh.needed(goal).unwrap_or(self.mesh.store.live_faces / 2).max(1);
         Sweeps {
-            phase: Phase::Threshold((Histogram::of(&first), first.len()), After::Sweep),
+            phase: Phase::Threshold((Histogram::of(&first), share), After::Sweep),
             needed_at_start,
             start_faces: self.mesh.store.live_faces,
             has_swept: false,
@@ -271,6 +277,14 @@ impl<M: Metric> Engine<M> {
         let is_extreme = self.is_extreme(final_goal);
         self.mesh.find_details(final_goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
+        let request = SweepRequest { goal: final_goal, pause, original, is_extreme };
+        if M::IS_SWEPT_IN_BLOCKS && self.may_be_cut() {
+            match self.sweep_in_blocks(sweeps, &request, control) {
+                Verdict::Continue => {}
+                Verdict::Finish => return Some(StopReason::Finish),
+                Verdict::Cancel => return Some(StopReason::Cancel),
+            }
+        }
         for _ in 0..MAX_SWEEPS {
             self.check_if_enabled(original);
             let goal = &self.goal_for_estimate(final_goal);
@@ -307,6 +321,96 @@ impl<M: Metric> Engine<M> {
         Some(StopReason::Stuck)
     }
 
+    /// True if blocks of the mesh can be swept side by side, with the same rules.
+    fn may_be_cut(&self) -> bool {
+        let LiveMesh { store, constraints, values, sampled, bounded, topology, .. } = &self.mesh;
+        let is_plain = store.wedges.is_none() && store.regions.is_none() && store.creases.is_none();
+        let is_early = sampled.is_none() && bounded.is_none() && constraints.details.is_none();
+        let keeps_topology = topology.parts.is_none() && topology.pairs.is_none() && !constraints.cuts_necks;
+        let has_count = !constraints.rules.max_estimate.is_finite();
+        is_plain
+            && is_early
+            && keeps_topology
+            && has_count
+            && self.record.is_none()
+            && values.wedge_data.is_none()
+            && store.live_faces >= constraints.rules.blocks.min_faces
+    }
+
+    /// Sweeps in blocks as long as sweeps are large. The run does not pause or end here, except by the caller's verdict.
+    fn sweep_in_blocks(
+        &mut self,
+        sweeps: &mut Sweeps,
+        request: &SweepRequest<'_>,
+        control: &mut dyn Control,
+    ) -> Verdict {
+        let (goal, sizes) = (request.goal, self.mesh.constraints.rules.blocks);
+        let (mut blocks, mut rounds) = (None::<Blocks<M>>, 0);
+        let mut verdict = Verdict::Continue;
+        while let (Verdict::Continue, Phase::Threshold(bounds, After::Sweep)) = (verdict, &sweeps.phase) {
+            let live = self.mesh.store.live_faces;
+            self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
+            if self.pauses(sweeps, request, bounds)
+                || live < sizes.min_faces / MIN_FACES_DIVISOR
+                || self.is_near_end(goal, request.is_extreme)
+                || !sweeps.productivity.is_high
+            {
+                break;
+            }
+            sweeps.tau = self.threshold(bounds, goal);
+            sweeps.highest = sweeps.highest.max(sweeps.tau);
+            if blocks.as_ref().is_none_or(|blocks| blocks.is_sparse(live)) {
+                match &mut blocks {
+                    Some(blocks) => self.end_round(blocks),
+                    None => self.mesh.store.compact_if_needed(),
+                }
+                let Some(cut) = self.cut_into_blocks(blocks.as_ref(), rounds, sizes.vertices) else { break };
+                self.mesh.store.take_elements();
+                (blocks, rounds) = (Some(cut), rounds + 1);
+            }
+            let Some(cut) = &mut blocks else { break };
+            let collapses = self.tally.collapses;
+            (sweeps.productivity.at_threshold, sweeps.productivity.wanted) = (collapses, self.wanted(goal));
+            let area = (self.mesh.cost.total_area / live.max(1) as f64) as f32;
+            cut.sweep(sweeps.tau, area, self.mesh.needed(goal));
+            let left = cut.take_tally(&mut self.tally);
+            [self.mesh.store.live_faces, self.mesh.store.live_vertices] = left;
+            self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
+            sweeps.has_swept = true;
+            sweeps.set_bounds(known_bounds(cut.bounds()));
+            if self.tally.collapses == collapses {
+                break;
+            }
+            verdict = control.progress(self.done(goal, sweeps.needed_at_start, sweeps.start_faces));
+        }
+        if let Some(mut blocks) = blocks {
+            self.end_round(&mut blocks);
+            self.gather(&blocks);
+            drop(blocks);
+            self.mesh.store.link();
+            sweeps.set_bounds(known_bounds(Histogram::of(&self.mesh.store.bound)));
+        }
+        verdict
+    }
+
+    /// True if so little is left to do that the goal, or the late phase, might be reached in one sweep.
+    fn is_near_end(&self, goal: &Goal, is_extreme: bool) -> bool {
+        let live = [self.mesh.store.live_faces, self.mesh.store.live_vertices];
+        let near =
+            |live: usize, goal: Option<usize>| goal.is_some_and(|n| (live as f64) < LAST_PART * n as f64);
+        near(live[0], goal.faces) || near(live[1], goal.vertices) || is_extreme && self.is_near_late_phase()
+    }
+
+    /// True if the run pauses before the sweep with a threshold from these bounds.
+    fn pauses(&self, sweeps: &Sweeps, request: &SweepRequest<'_>, bounds: &Bounds) -> bool {
+        let is_last_stretch = || self.is_limited_by_goal(bounds, request.goal, GOAL_MARGIN);
+        match request.pause {
+            Pause::Never => false,
+            Pause::BeforeGoal => is_last_stretch(),
+            Pause::BeforeTopologyChanges => self.should_snapshot(sweeps, request.goal, is_last_stretch()),
+        }
+    }
+
     /// Computes the threshold of the next sweep, if none is set, unless the run pauses here.
     fn set_threshold(&mut self, sweeps: &mut Sweeps, request: &SweepRequest<'_>) -> ControlFlow<Halt> {
         let goal = request.goal;
@@ -321,21 +425,15 @@ impl<M: Metric> Engine<M> {
                 sweeps.set_bounds(self.mesh.bounds());
             }
         }
-        let Phase::Threshold((histogram, looked_at), after) = &sweeps.phase else {
+        let Phase::Threshold(bounds, after) = &sweeps.phase else {
             return ControlFlow::Continue(());
         };
-        let (looked_at, after) = (*looked_at, *after);
+        let after = *after;
         self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
-        let is_last_stretch = |ahead| self.is_limited_by_goal(histogram, looked_at, goal, ahead);
-        let pauses = match request.pause {
-            Pause::Never => false,
-            Pause::BeforeGoal => is_last_stretch(GOAL_MARGIN),
-            Pause::BeforeTopologyChanges => self.should_snapshot(sweeps, goal, is_last_stretch(GOAL_MARGIN)),
-        };
-        if pauses {
+        if self.pauses(sweeps, request, bounds) {
             return ControlFlow::Break(None);
         }
-        let mut next = self.threshold(histogram, looked_at, goal);
+        let mut next = self.threshold(bounds, goal);
         if after == After::Probe {
             // The result of a probe is exact; an evaluation may give a higher cost, so the edge is only tried
             // at a higher threshold.
@@ -526,7 +624,7 @@ impl<M: Metric> Engine<M> {
 
     /// Computes the threshold of the next sweep from the bounds, which may cover only a sample of the
     /// vertices.
-    fn threshold(&self, histogram: &Histogram, looked_at: usize, goal: &Goal) -> f32 {
+    fn threshold(&self, (histogram, share): &Bounds, goal: &Goal) -> f32 {
         let quantile = match () {
             () if self.record.is_some() => record::RECORD_QUANTILE,
             () if self.mesh.sampled.is_some() && !self.mesh.counts_attributes() => samples::LATE_QUANTILE,
@@ -535,7 +633,6 @@ impl<M: Metric> Engine<M> {
         let mut want = histogram.known() as f64 * quantile;
         if let Some(needed) = self.mesh.needed(goal) {
             // The last sweeps do only a part of the remaining collapses, so that the cheapest are done.
-            let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
             want = want.min(needed as f64 * LAST_SHARE * share);
         }
         histogram.threshold((want as usize).max(1))
@@ -544,19 +641,18 @@ impl<M: Metric> Engine<M> {
 
 impl<M: Metric> LiveMesh<M> {
     /// Returns the bounds of all vertices, and of pairs.
-    pub(super) fn bounds(&self) -> (Histogram, usize) {
+    pub(super) fn bounds(&self) -> Bounds {
         let mut histogram = Histogram::of(&self.store.bound);
         if let Some(pairs) = &self.topology.pairs {
             histogram.add(pairs.bounds());
         }
-        (histogram, self.store.v.len())
+        (histogram, 1.0)
     }
 }
 
 impl<M: Metric> Engine<M> {
     /// True if the next sweep would be limited by the goal, or might reach it.
-    fn is_limited_by_goal(&self, histogram: &Histogram, looked_at: usize, goal: &Goal, ahead: f64) -> bool {
-        let share = looked_at as f64 / self.mesh.store.v.len().max(1) as f64;
+    fn is_limited_by_goal(&self, (histogram, share): &Bounds, goal: &Goal, ahead: f64) -> bool {
         self.mesh
             .needed(goal)
             .is_some_and(|n| n as f64 * LAST_SHARE * share < ahead * QUANTILE * histogram.known() as f64)
@@ -579,8 +675,15 @@ impl<M: Metric> Engine<M> {
     }
 }
 
+/// Leaves out vertices that have not been visited: their bounds are not known yet.
+fn known_bounds(mut histogram: Histogram) -> Bounds {
+    let all = histogram.known();
+    let unknown = histogram.leave_out_unknown();
+    (histogram, (all - unknown) as f64 / all.max(1) as f64)
+}
+
 /// Lists the vertices that a sweep visits; `bounds` has the bounds of the vertices from `start` on.
-fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
+pub(super) fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
     visits.clear();
     let id = |i: usize| VertexId((start + i) as u32);
     if all {

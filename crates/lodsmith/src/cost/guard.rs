@@ -2,7 +2,7 @@
 
 use lodsmith_core::geometry::UnitFrame;
 
-use crate::options::{BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
+use crate::options::{BlockSizes, BorderPolicy, Method, Placement, SimplifyOptions, TopologyPolicy};
 
 /// Weight of a border edge's line. (docs/decisions/0001; 10 as in meshoptimizer.)
 pub(crate) const BORDER_WEIGHT: f32 = 10.0;
@@ -32,6 +32,7 @@ pub(crate) struct Rules {
     pub(crate) max_estimate: f64,
     /// The largest cost of a collapse, which is a squared length if it is limited.
     pub(crate) max_cost: f32,
+    pub(crate) blocks: BlockSizes,
 }
 
 impl Rules {
@@ -63,6 +64,7 @@ impl Rules {
             move_weight: options.quick.as_ref().map_or(0.0, |quick| quick.move_weight),
             max_estimate,
             max_cost: (max_cost * max_cost) as f32,
+            blocks: options.blocks,
         }
     }
 

@@ -86,8 +86,8 @@ impl CostSource {
 }
 
 /// Data that a vertex carries for the cost.
-pub(crate) trait VertexMemory: Copy + Default {}
-impl<T: Copy + Default> VertexMemory for T {}
+pub(crate) trait VertexMemory: Copy + Default + Send + Sync {}
+impl<T: Copy + Default + Send + Sync> VertexMemory for T {}
 
 /// Dimension of a cost: a power of a length, times a power of the mean doubled area of a face of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,9 +105,11 @@ impl Dimension {
 }
 
 /// Cost metric of collapses. The engine is compiled once for each type that implements it.
-pub(crate) trait Metric: Copy {
+pub(crate) trait Metric: Copy + Send + Sync {
     /// Data that a vertex carries, relative to its own position.
     type Memory: VertexMemory;
+    /// True if large meshes are swept in blocks with it. (Each such metric makes the code larger.)
+    const IS_SWEPT_IN_BLOCKS: bool = false;
 
     /// Returns the tensor of the memory.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;
