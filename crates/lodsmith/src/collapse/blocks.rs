@@ -25,9 +25,8 @@ use lodsmith_core::VertexId;
 use super::bound::{Histogram, UNKNOWN};
 use super::order::NONE;
 use super::store::Store;
-use super::sweeps::list_visits;
 use super::vertex::Vertex;
-use super::visit::VisitScratch;
+use super::visit::{VisitScratch, list_visits};
 use super::{CollapseRules, Cost, Engine, LiveMesh, Scratch, Tally, Topology, WedgeValues};
 use crate::chunks;
 use crate::cost::metric::{Metric, VertexMemory};
@@ -82,33 +81,33 @@ pub(super) struct Blocks<M: Metric> {
 /// Faces whose vertices belong to several blocks.
 struct FacesBetween {
     /// Block and number there of each vertex.
-    corners: Vec<[Place; 3]>,
+    corners: Vec<[PlaceInPiece; 3]>,
     /// Number of each face in the mesh that was cut.
     numbers: Vec<u32>,
 }
 
 /// A mesh that is to be cut or gathered: its parts, with what their elements were before, and the faces between them.
 /// A whole mesh is one part, whose elements are all live and keep their numbers.
-struct Parts<'a, Q: VertexMemory> {
+struct MeshPieces<'a, Q: VertexMemory> {
     all: Vec<(&'a Store<Q>, Option<&'a Names>)>,
     between: Option<&'a FacesBetween>,
     /// Number of vertices and faces that the elements were before.
     counts: [usize; 2],
 }
 
-impl<Q: VertexMemory> Parts<'_, Q> {
+impl<Q: VertexMemory> MeshPieces<'_, Q> {
     /// Returns the vertices that are live, in the order that they had before.
-    fn live_vertices(&self) -> Vec<Place> {
+    fn live_vertices(&self) -> Vec<PlaceInPiece> {
         if self.between.is_none() {
-            return chunks::list(self.counts[0], |k| Place::new(0, k));
+            return chunks::list(self.counts[0], |k| PlaceInPiece::new(0, k));
         }
-        let at = Places::unset(self.counts[0]);
+        let at = PlacesByNumber::unset(self.counts[0]);
         let chunks = chunks_of(self.all.iter().map(|part| part.0.v.len()));
         chunks::each(chunks.len(), |c| {
             let (part, range) = &chunks[c];
             let (store, names) = self.all[*part];
             for k in range.clone().filter(|&k| !store.v[k].kind.is_gone()) {
-                at.set(names.map_or(k, |names| names.numbers[k] as usize), Place::new(*part, k));
+                at.set(names.map_or(k, |names| names.numbers[k] as usize), PlaceInPiece::new(*part, k));
             }
         });
         at.in_order()
@@ -116,24 +115,27 @@ impl<Q: VertexMemory> Parts<'_, Q> {
 
     /// Returns the faces that are live, in the order that they had before; those between parts come after the last
     /// part.
-    fn live_faces(&self) -> Vec<Place> {
-        let at = Places::unset(self.counts[1]);
+    fn live_faces(&self) -> Vec<PlaceInPiece> {
+        let at = PlacesByNumber::unset(self.counts[1]);
         let chunks = chunks_of(self.all.iter().map(|part| part.0.t.len()));
         chunks::each(chunks.len(), |c| {
             let (part, range) = &chunks[c];
             let (store, names) = self.all[*part];
             for face in range.clone().filter(|&face| store.t[face][0] != NONE) {
-                at.set(names.map_or(face, |names| names.faces[face] as usize), Place::new(*part, face));
+                at.set(
+                    names.map_or(face, |names| names.faces[face] as usize),
+                    PlaceInPiece::new(*part, face),
+                );
             }
         });
         for (k, &number) in self.between.iter().flat_map(|between| &between.numbers).enumerate() {
-            at.set(number as usize, Place::new(self.all.len(), k));
+            at.set(number as usize, PlaceInPiece::new(self.all.len(), k));
         }
         at.in_order()
     }
 
     /// Returns the faces that are live, with the numbers of their vertices among `living`.
-    fn renumbered_faces(&self, living: &[Place]) -> Cow<'_, [[VertexId; 3]]> {
+    fn renumbered_faces(&self, living: &[PlaceInPiece]) -> Cow<'_, [[VertexId; 3]]> {
         if self.between.is_none() {
             return Cow::Borrowed(&self.all[0].0.t);
         }
@@ -159,7 +161,7 @@ impl<Q: VertexMemory> Parts<'_, Q> {
     }
 
     /// Returns a vertex with its number in the ordered input, and its bound.
-    fn vertex(&self, at: Place) -> (Vertex<Q>, f32) {
+    fn vertex(&self, at: PlaceInPiece) -> (Vertex<Q>, f32) {
         let ((store, names), k) = (self.all[at.part()], at.index());
         let x = store.v[k];
         let origin = names.map_or(x.origin, |names| names.origins[x.origin.index()]);
@@ -167,11 +169,11 @@ impl<Q: VertexMemory> Parts<'_, Q> {
     }
 }
 
-/// Place of a vertex or face: its part and its number there.
+/// PlaceInPiece of a vertex or face: its part and its number there.
 #[derive(Clone, Copy)]
-struct Place(u64);
+struct PlaceInPiece(u64);
 
-impl Place {
+impl PlaceInPiece {
     fn new(part: usize, index: usize) -> Self {
         Self((part as u64) << 32 | index as u64)
     }
@@ -185,10 +187,10 @@ impl Place {
     }
 }
 
-/// Places of elements by number, filled by several threads.
-struct Places(Vec<AtomicU64>);
+/// PlacesByNumber of elements by number, filled by several threads.
+struct PlacesByNumber(Vec<AtomicU64>);
 
-impl Places {
+impl PlacesByNumber {
     const UNSET: u64 = u64::MAX;
 
     fn unset(count: usize) -> Self {
@@ -196,16 +198,16 @@ impl Places {
     }
 
     #[inline(always)]
-    fn set(&self, number: usize, place: Place) {
+    fn set(&self, number: usize, place: PlaceInPiece) {
         self.0[number].store(place.0, Ordering::Relaxed);
     }
 
     /// Returns the places that are set, in order.
-    fn in_order(&self) -> Vec<Place> {
+    fn in_order(&self) -> Vec<PlaceInPiece> {
         let chunks: Vec<&[AtomicU64]> = self.0.chunks(CHUNK_LEN).collect();
         let of_chunks = chunks::each(chunks.len(), |c| {
             let set = chunks[c].iter().map(|at| at.load(Ordering::Relaxed)).filter(|at| *at != Self::UNSET);
-            set.map(Place).collect::<Vec<_>>()
+            set.map(PlaceInPiece).collect::<Vec<_>>()
         });
         of_chunks.concat()
     }
@@ -316,7 +318,7 @@ impl<M: Metric> Engine<M> {
     ) -> Option<Blocks<M>> {
         let store = &self.mesh.store;
         let counts = [store.v.len(), store.t.len()];
-        let whole = || Parts { all: vec![(store, None)], between: None, counts };
+        let whole = || MeshPieces { all: vec![(store, None)], between: None, counts };
         let parts = cut.map_or_else(whole, Blocks::parts);
         let (living, grid) = (parts.live_vertices(), Grid::of(round));
         let cells = chunks::list(living.len(), |i| {
@@ -377,7 +379,10 @@ impl<M: Metric> Engine<M> {
             }
         });
         let corner = |w: VertexId| {
-            Place::new(usize::from(block_of[w.index()]), local[w.index()].load(Ordering::Relaxed) as usize)
+            PlaceInPiece::new(
+                usize::from(block_of[w.index()]),
+                local[w.index()].load(Ordering::Relaxed) as usize,
+            )
         };
         let between = FacesBetween {
             corners: crossing.iter().map(|&i| faces[i].map(corner)).collect(),
@@ -446,9 +451,9 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Blocks<M> {
-    fn parts(&self) -> Parts<'_, M::Memory> {
+    fn parts(&self) -> MeshPieces<'_, M::Memory> {
         let all = self.all.iter().map(|block| (&block.engine.mesh.store, Some(&block.names)));
-        Parts { all: all.collect(), between: Some(&self.between), counts: [self.vertices, self.faces] }
+        MeshPieces { all: all.collect(), between: Some(&self.between), counts: [self.vertices, self.faces] }
     }
 
     /// True if so few elements are live that the mesh should be cut anew.

@@ -3,14 +3,13 @@
 use std::ops::ControlFlow;
 
 use lodsmith_core::VertexId;
-use wide::f32x8;
 
 use super::blocks::Blocks;
 use super::bound::Histogram;
 use super::candidate::{Attempt, CollapseOutcome};
 use super::star_data::PREFETCH_MIN_VERTICES;
 use super::star_edges::Looseness;
-use super::visit::VisitScratch;
+use super::visit::{VisitScratch, list_visits};
 use super::{Engine, Goal, LiveMesh, StopReason, record, samples};
 use crate::collapse::ordered_input::OriginalInput;
 use crate::control::{Control, Verdict};
@@ -680,24 +679,4 @@ fn known_bounds(mut histogram: Histogram) -> Bounds {
     let all = histogram.known();
     let unknown = histogram.leave_out_unknown();
     (histogram, (all - unknown) as f64 / all.max(1) as f64)
-}
-
-/// Lists the vertices that a sweep visits; `bounds` has the bounds of the vertices from `start` on.
-pub(super) fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
-    visits.clear();
-    let id = |i: usize| VertexId((start + i) as u32);
-    if all {
-        visits.extend((0..bounds.len()).map(id));
-        return;
-    }
-    let (eights, rest) = bounds.as_chunks::<8>();
-    for (k, &eight) in eights.iter().enumerate() {
-        let mut low = f32x8::from(eight).simd_le(f32x8::splat(tau)).to_bitmask();
-        while low != 0 {
-            visits.push(id(8 * k + low.trailing_zeros() as usize));
-            low &= low - 1;
-        }
-    }
-    let first = 8 * eights.len();
-    visits.extend(rest.iter().enumerate().filter(|x| *x.1 <= tau).map(|x| id(first + x.0)));
 }

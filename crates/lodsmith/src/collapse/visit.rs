@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
+use wide::f32x8;
 
 use super::attributes::Member;
 use super::bound::UNKNOWN;
@@ -182,4 +183,24 @@ impl<M: Metric> LiveMesh<M> {
         let other = Candidate { step, cost, removed: v, form_cost: 0.0 };
         (other.cost <= tau).then_some(other)
     }
+}
+
+/// Lists the vertices that a sweep visits; `bounds` has the bounds of the vertices from `start` on.
+pub(super) fn list_visits(bounds: &[f32], start: usize, tau: f32, all: bool, visits: &mut Vec<VertexId>) {
+    visits.clear();
+    let id = |i: usize| VertexId((start + i) as u32);
+    if all {
+        visits.extend((0..bounds.len()).map(id));
+        return;
+    }
+    let (eights, rest) = bounds.as_chunks::<8>();
+    for (k, &eight) in eights.iter().enumerate() {
+        let mut low = f32x8::from(eight).simd_le(f32x8::splat(tau)).to_bitmask();
+        while low != 0 {
+            visits.push(id(8 * k + low.trailing_zeros() as usize));
+            low &= low - 1;
+        }
+    }
+    let first = 8 * eights.len();
+    visits.extend(rest.iter().enumerate().filter(|x| *x.1 <= tau).map(|x| id(first + x.0)));
 }
