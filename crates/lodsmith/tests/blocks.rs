@@ -3,11 +3,11 @@
 use lodsmith::core::measure::{CompareOptions, compare};
 use lodsmith::core::{TriMesh, shapes};
 use lodsmith::{
-    BlockSizes, BorderPolicy, Control, Input, Levels, LodOptions, NoControl, SimplifyError, SimplifyOptions,
-    Stop, StoppedBy, Verdict, lod, simplify, simplify_with,
+    BlockSizes, BorderPolicy, Input, Levels, LodOptions, NoControl, SimplifyError, SimplifyOptions, Stop,
+    StoppedBy, Verdict, lod, simplify, simplify_with,
 };
 
-use crate::support::{bytes, complaints, places};
+use crate::support::{EndsFrom, bytes, complaints, places};
 
 const SMALL: BlockSizes = BlockSizes { min_faces: 2000, vertices: 200 };
 const OFF: BlockSizes = BlockSizes { min_faces: usize::MAX, vertices: 1 };
@@ -84,25 +84,15 @@ fn locks_weights_and_borders_hold_in_blocks() {
     }
 }
 
-struct EndsAfter(usize, Verdict);
-
-impl Control for EndsAfter {
-    fn progress(&mut self, done: f64) -> Verdict {
-        assert!((0.0..=1.0).contains(&done), "{done}");
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 { self.1 } else { Verdict::Continue }
-    }
-}
-
 #[test]
 fn a_caller_can_end_sweeps_in_blocks() {
     let mesh = shapes::blob(5, 1);
     let mut counts = Vec::new();
     for after in 1..6 {
-        let cancelled = simplify_with(&mesh, &options(0.1, SMALL), &mut EndsAfter(after, Verdict::Cancel));
+        let cancelled = simplify_with(&mesh, &options(0.1, SMALL), &mut EndsFrom(after, Verdict::Cancel));
         assert_eq!(cancelled.unwrap_err(), SimplifyError::Cancelled);
         let ended =
-            simplify_with(&mesh, &options(0.1, SMALL), &mut EndsAfter(after, Verdict::Finish)).unwrap();
+            simplify_with(&mesh, &options(0.1, SMALL), &mut EndsFrom(after, Verdict::Finish)).unwrap();
         assert_eq!(ended.report.stopped_by, StoppedBy::Caller);
         assert_eq!(ended.report.faces, ended.mesh.face_count());
         counts.push(ended.report.faces);

@@ -10,8 +10,8 @@ use lodsmith::{
     simplify_scene,
 };
 
-use crate::support::bytes;
 use crate::support::charts::two_charts;
+use crate::support::{EndsFrom, bytes};
 
 const RATIOS: [f64; 5] = [0.5, 0.25, 0.1, 0.05, 0.02];
 
@@ -226,24 +226,14 @@ fn parts_are_removed_in_order_of_cost_in_chains_too() {
     }
 }
 
-struct CancelAt(usize, Verdict);
-
-impl Control for CancelAt {
-    fn progress(&mut self, done: f64) -> Verdict {
-        assert!((0.0..=1.0).contains(&done), "{done}");
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 { self.1 } else { Verdict::Continue }
-    }
-}
-
 #[test]
 fn a_caller_can_end_a_chain() {
     let mesh = shapes::blob(4, 1);
     for after in [1, 3, 6] {
-        let ended = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(after, Verdict::Cancel));
+        let ended = lod_with(&mesh, &ratios(&RATIOS), &mut EndsFrom(after, Verdict::Cancel));
         assert_eq!(ended.unwrap_err(), SimplifyError::Cancelled);
     }
-    let chain = lod_with(&mesh, &ratios(&RATIOS), &mut CancelAt(4, Verdict::Finish)).unwrap();
+    let chain = lod_with(&mesh, &ratios(&RATIOS), &mut EndsFrom(4, Verdict::Finish)).unwrap();
     assert!(chain.levels.len() < RATIOS.len());
     assert_eq!(chain.levels.last().unwrap().report.stopped_by, StoppedBy::Caller);
 }
@@ -258,7 +248,7 @@ fn no_level_of_an_ended_chain_has_more_faces_than_the_one_before() {
     assert!(whole.levels[2].report.parts_removed > 0);
     let mut ended = 0;
     for after in 15..60 {
-        let chain = lod_with(&mesh, &options, &mut CancelAt(after, Verdict::Finish)).unwrap();
+        let chain = lod_with(&mesh, &options, &mut EndsFrom(after, Verdict::Finish)).unwrap();
         let faces: Vec<usize> = chain.levels.iter().map(|level| level.report.faces).collect();
         assert!(faces.is_sorted_by(|a, b| a >= b), "{faces:?} after {after} questions");
         let is_ended = |level: &Simplified| level.report.stopped_by == StoppedBy::Caller;

@@ -2,18 +2,19 @@
 //! side.
 //!
 //! ```text
-//! whole mesh --cut--> blocks --sweep, sweep, ...--> gather --> whole mesh --cut elsewhere--> ...
+//! mesh --cut--> blocks --sweep, sweep, ...--> cut elsewhere --> blocks --sweep, ...--> gather --> mesh
 //! ```
 //!
-//! A vertex belongs to the block of its place in a grid, and a face to a block if its three vertices do. Vertices of
-//! other faces are *frozen* until the mesh is gathered: they are neither moved nor merged. The next cut shifts the
-//! grid, so they are free then. A collapse needs the faces of its two vertices only, and those of free vertices are
-//! complete.
+//! A vertex belongs to the block of its cell in a grid, and a face to a block if its three vertices do. Vertices of
+//! other faces are *frozen* until the next cut: they are neither moved nor merged. Each cut shifts the grid, so that
+//! most of them are free after it. A collapse needs the faces of its two vertices only, and free vertices have all
+//! their faces in the block.
 //!
 //! A block is an engine of its own. Frozen vertices have the lowest numbers: an edge belongs to its lower end, and
 //! frozen ends are never visited, so that no edge with a frozen end is evaluated.
 //!
-//! Blocks depend on the mesh alone, not on the number of threads, and each sweep has one threshold for all of them.
+//! Blocks depend on the mesh and the options, not on the number of threads, and each sweep has one threshold for all of
+//! them.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -23,15 +24,15 @@ use glam::Vec3;
 use lodsmith_core::VertexId;
 
 use super::bound::{Histogram, UNKNOWN};
-use super::order::NONE;
+use super::order::{MORTON_BITS, NONE, morton_code};
 use super::store::Store;
 use super::vertex::Vertex;
 use super::visit::{VisitScratch, list_visits};
 use super::{CollapseRules, Cost, Engine, LiveMesh, Scratch, Tally, Topology, WedgeValues};
 use crate::chunks;
-use crate::cost::metric::{Metric, VertexMemory};
+use crate::cost::metric::Metric;
 
-/// Number of vertices or faces that are handed to a thread together while a mesh is cut or gathered.
+/// Number of vertices or faces whose blocks are listed together.
 const CHUNK_LEN: usize = 1 << 14;
 /// Number of cells of the grid along each axis, and of those that the unit cube takes; the others are room for
 /// shifts.
@@ -39,7 +40,7 @@ const GRID_SIZE: u32 = 64;
 const UNIT_SIZE: f32 = 48.0;
 /// Shift of the grid from one round to the next, in cells. (Nowhere near a simple fraction of the room for shifts.)
 const SHIFT: [f32; 3] = [4.61, 7.23, 9.87];
-/// Cell of a vertex that is always frozen, besides its number.
+/// Mark of the cell of a vertex that is always frozen.
 const STAYS: u32 = 1 << 31;
 /// Number of blocks above which they become larger instead: fewer vertices are frozen then.
 const MAX_BLOCKS: usize = 32;
@@ -51,7 +52,7 @@ const BETWEEN: u16 = u16::MAX;
 /// A part of the mesh that is swept by itself.
 struct Block<M: Metric> {
     engine: Engine<M>,
-    names: Names,
+    before: NumbersBefore,
     /// The first so many vertices are frozen.
     frozen: usize,
     scratch: VisitScratch,
@@ -60,12 +61,12 @@ struct Block<M: Metric> {
     bounds: Histogram,
 }
 
-/// What the elements of a block were before.
-struct Names {
-    /// For each vertex at the cut, its number in the ordered input, and in the mesh that was cut.
+/// Numbers that the elements of a block had before it was cut out.
+struct NumbersBefore {
+    /// Of each vertex: in the ordered input, and in the mesh that was cut.
     origins: Vec<VertexId>,
-    numbers: Vec<u32>,
-    /// For each face at the cut, its number in the mesh that was cut.
+    vertices: Vec<u32>,
+    /// Of each face, in the mesh that was cut.
     faces: Vec<u32>,
 }
 
@@ -73,112 +74,30 @@ struct Names {
 pub(super) struct Blocks<M: Metric> {
     all: Vec<Block<M>>,
     between: FacesBetween,
-    /// Number of vertices and faces at the cut.
+    /// Number of vertices and of faces at the cut.
     vertices: usize,
     faces: usize,
 }
 
 /// Faces whose vertices belong to several blocks.
 struct FacesBetween {
-    /// Block and number there of each vertex.
-    corners: Vec<[PlaceInPiece; 3]>,
+    corners: Vec<[InBlock; 3]>,
     /// Number of each face in the mesh that was cut.
     numbers: Vec<u32>,
 }
 
-/// A mesh that is to be cut or gathered: its parts, with what their elements were before, and the faces between them.
-/// A whole mesh is one part, whose elements are all live and keep their numbers.
-struct MeshPieces<'a, Q: VertexMemory> {
-    all: Vec<(&'a Store<Q>, Option<&'a Names>)>,
-    between: Option<&'a FacesBetween>,
-    /// Number of vertices and faces that the elements were before.
-    counts: [usize; 2],
-}
-
-impl<Q: VertexMemory> MeshPieces<'_, Q> {
-    /// Returns the vertices that are live, in the order that they had before.
-    fn live_vertices(&self) -> Vec<PlaceInPiece> {
-        if self.between.is_none() {
-            return chunks::list(self.counts[0], |k| PlaceInPiece::new(0, k));
-        }
-        let at = PlacesByNumber::unset(self.counts[0]);
-        let chunks = chunks_of(self.all.iter().map(|part| part.0.v.len()));
-        chunks::each(chunks.len(), |c| {
-            let (part, range) = &chunks[c];
-            let (store, names) = self.all[*part];
-            for k in range.clone().filter(|&k| !store.v[k].kind.is_gone()) {
-                at.set(names.map_or(k, |names| names.numbers[k] as usize), PlaceInPiece::new(*part, k));
-            }
-        });
-        at.in_order()
-    }
-
-    /// Returns the faces that are live, in the order that they had before; those between parts come after the last
-    /// part.
-    fn live_faces(&self) -> Vec<PlaceInPiece> {
-        let at = PlacesByNumber::unset(self.counts[1]);
-        let chunks = chunks_of(self.all.iter().map(|part| part.0.t.len()));
-        chunks::each(chunks.len(), |c| {
-            let (part, range) = &chunks[c];
-            let (store, names) = self.all[*part];
-            for face in range.clone().filter(|&face| store.t[face][0] != NONE) {
-                at.set(
-                    names.map_or(face, |names| names.faces[face] as usize),
-                    PlaceInPiece::new(*part, face),
-                );
-            }
-        });
-        for (k, &number) in self.between.iter().flat_map(|between| &between.numbers).enumerate() {
-            at.set(number as usize, PlaceInPiece::new(self.all.len(), k));
-        }
-        at.in_order()
-    }
-
-    /// Returns the faces that are live, with the numbers of their vertices among `living`.
-    fn renumbered_faces(&self, living: &[PlaceInPiece]) -> Cow<'_, [[VertexId; 3]]> {
-        if self.between.is_none() {
-            return Cow::Borrowed(&self.all[0].0.t);
-        }
-        let before = sums_before(self.all.iter().map(|part| part.0.v.len()));
-        let number = chunks::list(before.last().copied().unwrap_or_default(), |_| AtomicU32::new(0));
-        let starts: Vec<usize> = (0..living.len()).step_by(CHUNK_LEN).collect();
-        chunks::each(starts.len(), |c| {
-            for (n, at) in (starts[c]..).zip(&living[starts[c]..]).take(CHUNK_LEN) {
-                number[before[at.part()] + at.index()].store(n as u32, Ordering::Relaxed);
-            }
-        });
-        let number = |k: usize| VertexId(number[k].load(Ordering::Relaxed));
-        let faces = self.live_faces();
-        let between = self.between.map_or(&[][..], |between| &between.corners);
-        let faces = chunks::list(faces.len(), |i| {
-            let (part, face) = (faces[i].part(), faces[i].index());
-            match self.all.get(part) {
-                Some((store, _)) => store.t[face].map(|w| number(before[part] + w.index())),
-                None => between[face].map(|at| number(before[at.part()] + at.index())),
-            }
-        });
-        Cow::Owned(faces)
-    }
-
-    /// Returns a vertex with its number in the ordered input, and its bound.
-    fn vertex(&self, at: PlaceInPiece) -> (Vertex<Q>, f32) {
-        let ((store, names), k) = (self.all[at.part()], at.index());
-        let x = store.v[k];
-        let origin = names.map_or(x.origin, |names| names.origins[x.origin.index()]);
-        (Vertex { origin, ..x }, store.bound[k])
-    }
-}
-
-/// PlaceInPiece of a vertex or face: its part and its number there.
+/// A vertex or face in a block: the index of the block, and its own index there. (In 64 bits, for atomic access.)
 #[derive(Clone, Copy)]
-struct PlaceInPiece(u64);
+struct InBlock(u64);
 
-impl PlaceInPiece {
-    fn new(part: usize, index: usize) -> Self {
-        Self((part as u64) << 32 | index as u64)
+impl InBlock {
+    const NONE: u64 = u64::MAX;
+
+    fn new(block: usize, index: usize) -> Self {
+        Self((block as u64) << 32 | index as u64)
     }
     #[inline(always)]
-    fn part(self) -> usize {
+    fn block(self) -> usize {
         (self.0 >> 32) as usize
     }
     #[inline(always)]
@@ -187,29 +106,88 @@ impl PlaceInPiece {
     }
 }
 
-/// PlacesByNumber of elements by number, filled by several threads.
-struct PlacesByNumber(Vec<AtomicU64>);
+/// Elements by their number in the mesh that was cut, filled by several threads.
+struct ByNumber(Vec<AtomicU64>);
 
-impl PlacesByNumber {
-    const UNSET: u64 = u64::MAX;
-
-    fn unset(count: usize) -> Self {
-        Self(chunks::list(count, |_| AtomicU64::new(Self::UNSET)))
+impl ByNumber {
+    fn new(count: usize) -> Self {
+        Self(chunks::list(count, |_| AtomicU64::new(InBlock::NONE)))
     }
 
     #[inline(always)]
-    fn set(&self, number: usize, place: PlaceInPiece) {
-        self.0[number].store(place.0, Ordering::Relaxed);
+    fn set(&self, number: u32, element: InBlock) {
+        self.0[number as usize].store(element.0, Ordering::Relaxed);
     }
 
-    /// Returns the places that are set, in order.
-    fn in_order(&self) -> Vec<PlaceInPiece> {
-        let chunks: Vec<&[AtomicU64]> = self.0.chunks(CHUNK_LEN).collect();
-        let of_chunks = chunks::each(chunks.len(), |c| {
-            let set = chunks[c].iter().map(|at| at.load(Ordering::Relaxed)).filter(|at| *at != Self::UNSET);
-            set.map(PlaceInPiece).collect::<Vec<_>>()
+    /// Returns the elements that are set, in order.
+    fn in_order(&self) -> Vec<InBlock> {
+        let set = |range: Range<usize>| {
+            let all = self.0[range].iter().map(|at| at.load(Ordering::Relaxed));
+            all.filter(|at| *at != InBlock::NONE).map(InBlock).collect::<Vec<_>>()
+        };
+        chunks::map(self.0.len(), set).concat()
+    }
+}
+
+impl<M: Metric> Blocks<M> {
+    /// Returns the live vertices, in the order of the mesh that was cut.
+    fn live_vertices(&self) -> Vec<InBlock> {
+        let found = ByNumber::new(self.vertices);
+        chunks::each(self.all.len(), |b| {
+            let Block { engine, before, .. } = &self.all[b];
+            for (k, _) in engine.mesh.store.v.iter().enumerate().filter(|x| !x.1.kind.is_gone()) {
+                found.set(before.vertices[k], InBlock::new(b, k));
+            }
         });
-        of_chunks.concat()
+        found.in_order()
+    }
+
+    /// Returns the live faces, in the order of the mesh that was cut; those between blocks have one more than the
+    /// highest block.
+    fn live_faces(&self) -> Vec<InBlock> {
+        let found = ByNumber::new(self.faces);
+        chunks::each(self.all.len(), |b| {
+            let Block { engine, before, .. } = &self.all[b];
+            for (k, _) in engine.mesh.store.t.iter().enumerate().filter(|t| t.1[0] != NONE) {
+                found.set(before.faces[k], InBlock::new(b, k));
+            }
+        });
+        for (k, &number) in self.between.numbers.iter().enumerate() {
+            found.set(number, InBlock::new(self.all.len(), k));
+        }
+        found.in_order()
+    }
+
+    /// Returns the corners of the live faces, with numbers among the live vertices.
+    fn renumbered_faces(&self, living: &[InBlock]) -> Vec<[VertexId; 3]> {
+        // Vertices of all blocks, one block after another.
+        let mut starts = vec![0];
+        for block in &self.all {
+            starts.push(starts[starts.len() - 1] + block.before.vertices.len());
+        }
+        let number = chunks::list(starts[self.all.len()], |_| AtomicU32::new(0));
+        let at = |element: InBlock| &number[starts[element.block()] + element.index()];
+        chunks::map(living.len(), |range| {
+            for n in range {
+                at(living[n]).store(n as u32, Ordering::Relaxed);
+            }
+        });
+        let number = |element: InBlock| VertexId(at(element).load(Ordering::Relaxed));
+        let faces = self.live_faces();
+        chunks::list(faces.len(), |i| {
+            let (b, k) = (faces[i].block(), faces[i].index());
+            match self.all.get(b) {
+                Some(block) => block.engine.mesh.store.t[k].map(|w| number(InBlock::new(b, w.index()))),
+                None => self.between.corners[k].map(number),
+            }
+        })
+    }
+
+    /// Returns a vertex with its number in the ordered input, and its bound.
+    fn vertex(&self, at: InBlock) -> (Vertex<M::Memory>, f32) {
+        let (Block { engine, before, .. }, k) = (&self.all[at.block()], at.index());
+        let x = engine.mesh.store.v[k];
+        (Vertex { origin: before.origins[x.origin.index()], ..x }, engine.mesh.store.bound[k])
     }
 }
 
@@ -225,36 +203,11 @@ impl Grid {
         Self { shift: Vec3::from(SHIFT.map(|x| x * round as f32 % room)) }
     }
 
+    /// Returns the code of a point's cell.
     fn cell(&self, p: Vec3) -> u32 {
         let at = (p + Vec3::ONE) * (0.5 * UNIT_SIZE) + self.shift;
-        let [x, y, z] = at.to_array().map(|x| spread((x as u32).min(GRID_SIZE - 1)));
-        x | y << 1 | z << 2
+        morton_code(at / GRID_SIZE as f32 - 0.5) >> (MORTON_BITS - 3 * GRID_SIZE.ilog2())
     }
-}
-
-/// Returns six bits with two zeros between neighbours.
-fn spread(x: u32) -> u32 {
-    let x = (x | x << 8) & 0x300f;
-    let x = (x | x << 4) & 0x30c3;
-    (x | x << 2) & 0x9249
-}
-
-/// Splits parts of these lengths into chunks: the part, and a range in it.
-fn chunks_of(lengths: impl Iterator<Item = usize>) -> Vec<(usize, Range<usize>)> {
-    let of_part = |(part, len): (usize, usize)| {
-        (0..len).step_by(CHUNK_LEN).map(move |start| (part, start..len.min(start + CHUNK_LEN)))
-    };
-    lengths.enumerate().flat_map(of_part).collect()
-}
-
-/// Returns the sums of the numbers before each, and the sum of all.
-fn sums_before(counts: impl Iterator<Item = usize>) -> Vec<usize> {
-    let mut sums = vec![0];
-    sums.extend(counts.scan(0, |sum, n| {
-        *sum += n;
-        Some(*sum)
-    }));
-    sums
 }
 
 /// Returns for each block the chunks that contain elements of it.
@@ -308,21 +261,22 @@ fn blocks_of(cells: &[u32], min_vertices: usize) -> (Vec<u16>, usize) {
 }
 
 impl<M: Metric> Engine<M> {
-    /// Cuts the mesh into blocks: that of the store, whose elements are all live, or the mesh that is cut already. Returns `None` if it would be one
-    /// block only.
+    /// Cuts a mesh into blocks: the mesh of the store, whose elements are all live, or one that is cut already. Returns
+    /// `None` if there would be one block only.
     pub(super) fn cut_into_blocks(
-        &mut self,
+        &self,
         cut: Option<&Blocks<M>>,
         round: usize,
         min_vertices: usize,
     ) -> Option<Blocks<M>> {
-        let store = &self.mesh.store;
-        let counts = [store.v.len(), store.t.len()];
-        let whole = || MeshPieces { all: vec![(store, None)], between: None, counts };
-        let parts = cut.map_or_else(whole, Blocks::parts);
-        let (living, grid) = (parts.live_vertices(), Grid::of(round));
-        let cells = chunks::list(living.len(), |i| {
-            let x = &parts.all[living[i].part()].0.v[living[i].index()];
+        let (store, grid) = (&self.mesh.store, Grid::of(round));
+        let living = cut.map(Blocks::live_vertices).unwrap_or_default();
+        let vertices = cut.map_or(store.v.len(), |_| living.len());
+        let cells = chunks::list(vertices, |i| {
+            let x = match cut {
+                None => &store.v[i],
+                Some(cut) => &cut.all[living[i].block()].engine.mesh.store.v[living[i].index()],
+            };
             // (Non-manifold vertices change the kinds of their neighbours, some of which may have other faces.)
             grid.cell(x.p) | if x.kind.is_complex() { STAYS } else { 0 }
         });
@@ -330,7 +284,10 @@ impl<M: Metric> Engine<M> {
         if count < 2 {
             return None;
         }
-        let faces = parts.renumbered_faces(&living);
+        let faces = match cut {
+            None => Cow::Borrowed(&store.t),
+            Some(cut) => Cow::Owned(cut.renumbered_faces(&living)),
+        };
         let block_of_face = chunks::list(faces.len(), |i| {
             let [a, b, c] = faces[i].map(|w| block_of[w.index()]);
             if a == b && b == c { a } else { BETWEEN }
@@ -342,7 +299,7 @@ impl<M: Metric> Engine<M> {
         }
         let vertex_chunks = chunks_of_blocks(&block_of, count);
         let face_chunks = chunks_of_blocks(&block_of_face, count);
-        let local: Vec<AtomicU32> = chunks::list(living.len(), |_| AtomicU32::new(0));
+        let local: Vec<AtomicU32> = chunks::list(vertices, |_| AtomicU32::new(0));
         let all = chunks::each(count, |b| {
             let of_block = elements(&block_of, b, &vertex_chunks[b]).map(|i| i as u32);
             let (mut numbers, free): (Vec<u32>, Vec<u32>) = of_block.partition(|&i| is_frozen[i as usize]);
@@ -352,7 +309,10 @@ impl<M: Metric> Engine<M> {
             let mut origins = Vec::with_capacity(numbers.len());
             for (k, &i) in numbers.iter().enumerate() {
                 local[i as usize].store(k as u32, Ordering::Relaxed);
-                let (x, least) = parts.vertex(living[i as usize]);
+                let (x, least) = match cut {
+                    None => (store.v[i as usize], store.bound[i as usize]),
+                    Some(cut) => cut.vertex(living[i as usize]),
+                };
                 origins.push(x.origin);
                 v.push(Vertex { origin: VertexId::new(k), ..x });
                 bound.push(if k < frozen { f32::INFINITY } else { least });
@@ -368,10 +328,9 @@ impl<M: Metric> Engine<M> {
             let cost_factors = self.mesh.constraints.cost_factors.as_ref();
             let cost_factors = cost_factors.map(|all| origins.iter().map(|o| all[o.index()]).collect());
             let engine = self.mesh.engine_of_block(store, cost_factors);
-            let names = Names { origins, numbers, faces: of_faces };
             Block {
                 engine,
-                names,
+                before: NumbersBefore { origins, vertices: numbers, faces: of_faces },
                 frozen,
                 scratch: VisitScratch::default(),
                 visits: Vec::new(),
@@ -379,23 +338,21 @@ impl<M: Metric> Engine<M> {
             }
         });
         let corner = |w: VertexId| {
-            PlaceInPiece::new(
-                usize::from(block_of[w.index()]),
-                local[w.index()].load(Ordering::Relaxed) as usize,
-            )
+            let k = local[w.index()].load(Ordering::Relaxed);
+            InBlock::new(usize::from(block_of[w.index()]), k as usize)
         };
         let between = FacesBetween {
             corners: crossing.iter().map(|&i| faces[i].map(corner)).collect(),
             numbers: crossing.iter().map(|&i| i as u32).collect(),
         };
-        Some(Blocks { all, between, vertices: living.len(), faces: faces.len() })
+        Some(Blocks { all, between, vertices, faces: faces.len() })
     }
 
     /// Prepares blocks for the next cut, or for being gathered. Takes what their collapses changed beside their stores.
     pub(super) fn end_round(&mut self, blocks: &mut Blocks<M>) {
         for block in &mut blocks.all {
             block.forget_frozen();
-            let (origins, mesh) = (&block.names.origins, &block.engine.mesh);
+            let (origins, mesh) = (&block.before.origins, &block.engine.mesh);
             for (k, &root) in mesh.store.merged_into.iter().enumerate().filter(|x| x.1.index() != x.0) {
                 self.mesh.store.merged_into[origins[k].index()] = origins[root.index()];
             }
@@ -411,11 +368,10 @@ impl<M: Metric> Engine<M> {
 
     /// Makes one mesh of the blocks again, in the order that it had.
     pub(super) fn gather(&mut self, blocks: &Blocks<M>) {
-        let parts = blocks.parts();
-        let living = parts.live_vertices();
-        let v = chunks::list(living.len(), |i| parts.vertex(living[i]).0);
-        let bound = chunks::list(living.len(), |i| parts.vertex(living[i]).1);
-        let t = parts.renumbered_faces(&living).into_owned();
+        let living = blocks.live_vertices();
+        let v = chunks::list(living.len(), |i| blocks.vertex(living[i]).0);
+        let bound = chunks::list(living.len(), |i| blocks.vertex(living[i]).1);
+        let t = blocks.renumbered_faces(&living);
         self.mesh.store.put_elements(v, bound, t);
     }
 }
@@ -451,11 +407,6 @@ impl<M: Metric> LiveMesh<M> {
 }
 
 impl<M: Metric> Blocks<M> {
-    fn parts(&self) -> MeshPieces<'_, M::Memory> {
-        let all = self.all.iter().map(|block| (&block.engine.mesh.store, Some(&block.names)));
-        MeshPieces { all: all.collect(), between: Some(&self.between), counts: [self.vertices, self.faces] }
-    }
-
     /// True if so few elements are live that the mesh should be cut anew.
     pub(super) fn is_sparse(&self, live_faces: usize) -> bool {
         live_faces * 100 < self.faces * MIN_LIVE_PERCENT
@@ -478,7 +429,7 @@ impl<M: Metric> Blocks<M> {
         Histogram::sum(self.all.iter().map(|block| &block.bounds))
     }
 
-    /// Takes the counts of the last sweeps of all blocks.
+    /// Adds the counts of the last sweep of all blocks to a tally. Returns the numbers of live faces and vertices.
     pub(super) fn take_tally(&mut self, into: &mut Tally) -> [usize; 2] {
         let (mut faces, mut vertices) = (self.between.corners.len(), 0);
         for block in &mut self.all {
@@ -576,13 +527,13 @@ mod tests {
                 assert!(blocks.all.len() > 5);
                 let mut seen = BTreeSet::new();
                 let mut frozen = BTreeSet::new();
-                for Block { engine, names, frozen: first, .. } in &blocks.all {
+                for Block { engine, before, frozen: first, .. } in &blocks.all {
                     assert!(engine.mesh.store.v.len() >= 1000);
-                    seen.extend(names.numbers.iter().copied());
-                    frozen.extend(names.numbers[..*first].iter().copied());
-                    for u in *first..names.numbers.len() {
+                    seen.extend(before.vertices.iter().copied());
+                    frozen.extend(before.vertices[..*first].iter().copied());
+                    for u in *first..before.vertices.len() {
                         let degree = engine.mesh.store.listed(VertexId::new(u)).len();
-                        assert_eq!(degree, degrees[names.numbers[u] as usize]);
+                        assert_eq!(degree, degrees[before.vertices[u] as usize]);
                     }
                 }
                 assert_eq!(seen.len(), count);

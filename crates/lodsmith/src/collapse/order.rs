@@ -606,6 +606,15 @@ impl Numbered {
     }
 }
 
+/// Number of bits of the code of a point.
+pub(super) const MORTON_BITS: u32 = 30;
+
+/// Returns the code of a point between -.5 and .5, as [`morton`] does.
+pub(super) fn morton_code(p: Vec3) -> u32 {
+    let [x, y, z] = p.to_array();
+    morton(&[x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0]
+}
+
 /// Returns the codes of four points in the unit frame on a Morton curve of 1024³ cells: ten bits of each
 /// coordinate, interleaved. (It processes the coordinates in the order in which they are stored.)
 #[inline(always)]

@@ -11,8 +11,8 @@ use lodsmith::core::mesh::defects::{clean_surface, defects};
 use lodsmith::core::topology::TopologyCounts;
 use lodsmith::core::{Positions, Surface, Topology, TriMesh, VertexId};
 use lodsmith::{
-    Input, Method, NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError, SimplifyOptions,
-    StoppedBy, TopologyPolicy, simplify_with,
+    Control, Input, Method, NoControl, Part, Refusal, Simplified, SimplifiedScene, SimplifyError,
+    SimplifyOptions, StoppedBy, TopologyPolicy, Verdict, simplify_with,
 };
 
 /// Returns true if all cases of long products of cases have to be run, as `.ci/run` requests with
@@ -24,6 +24,17 @@ pub(crate) fn is_long() -> bool {
 /// Returns the size of a long product of cases: `whole` if all cases are requested, else `part`.
 pub(crate) fn size<T>(whole: T, part: T) -> T {
     if is_long() { whole } else { part }
+}
+
+/// Gives a verdict from the nth question on.
+pub(crate) struct EndsFrom(pub(crate) usize, pub(crate) Verdict);
+
+impl Control for EndsFrom {
+    fn progress(&mut self, done: f64) -> Verdict {
+        assert!((0.0..=1.0).contains(&done), "{done}");
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 { self.1 } else { Verdict::Continue }
+    }
 }
 
 /// Selects the cases of a long product: all, or every `n`th. If `n` has no factor in common with the numbers

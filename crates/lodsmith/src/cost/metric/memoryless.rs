@@ -16,8 +16,7 @@ pub(crate) struct Memoryless;
 
 impl Metric for Memoryless {
     type Memory = Tensor;
-    // (A module of WebAssembly has one thread, and its size is limited.)
-    const IS_SWEPT_IN_BLOCKS: bool = cfg!(not(target_family = "wasm"));
+    const IS_SWEPT_IN_BLOCKS: bool = true;
 
     #[inline(always)]
     fn tensor_of(memory: &Tensor) -> &Tensor {
