@@ -252,7 +252,10 @@ fn no_level_of_an_ended_chain_has_more_faces_than_the_one_before() {
         let faces: Vec<usize> = chain.levels.iter().map(|level| level.report.faces).collect();
         assert!(faces.is_sorted_by(|a, b| a >= b), "{faces:?} after {after} questions");
         let is_ended = |level: &Simplified| level.report.stopped_by == StoppedBy::Caller;
-        ended += usize::from(chain.levels.iter().any(is_ended));
+        let (last, others) = chain.levels.split_last().unwrap();
+        assert!(others.iter().all(|level| level.report.reached), "{faces:?} after {after} questions");
+        assert!(is_ended(last) || chain.levels.len() == 3, "{faces:?} after {after} questions");
+        ended += usize::from(is_ended(last));
         for level in chain.levels.iter().filter(|level| level.report.reached) {
             assert!(level.report.proposals.is_empty());
         }

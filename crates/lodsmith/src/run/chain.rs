@@ -98,15 +98,13 @@ impl Run<'_, '_> {
             let mut outcome = level(self, &mut trunk, &mut changes)?;
             let is_short =
                 outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
-            let mut is_last = outcome.end == StopReason::Finish;
-            if is_relaxed && !changes.parts && is_short && !is_last {
+            if is_relaxed && !changes.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.
                 let (mut second, mut own) = (None, TopologyChanges::removal(self.options));
                 let other = level(self, &mut second, &mut own)?;
-                is_last = other.end == StopReason::Finish;
                 // (A run that the caller ended may have stopped far above the goal.)
-                if !is_last
+                if other.end != StopReason::Finish
                     && (outcome.tally.parts_removed > 0
                         || self.closest_index(&[&outcome, &other], None, control)? == 1)
                 {
@@ -115,13 +113,14 @@ impl Run<'_, '_> {
                     outcome.engine.proposals = other.engine.proposals;
                 }
             }
-            match outcomes.last_mut() {
+            let is_last = outcome.end == StopReason::Finish;
+            if let Some(before) = outcomes.last().filter(|_| is_last)
+                && before.mesh.face_count() < outcome.mesh.face_count()
+            {
                 // A run that began anew was ended far above the goal.
-                Some(before) if is_last && outcome.mesh.face_count() > before.mesh.face_count() => {
-                    before.end = StopReason::Finish;
-                }
-                _ => outcomes.push(outcome),
+                outcome = RunOutcome { end: StopReason::Finish, ..before.clone() };
             }
+            outcomes.push(outcome);
             if is_last {
                 break;
             }

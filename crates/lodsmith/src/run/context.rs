@@ -42,6 +42,7 @@ impl TopologyChanges {
 }
 
 /// Result of one pass.
+#[derive(Clone)]
 pub(crate) struct RunOutcome {
     pub(crate) mesh: TriMesh,
     pub(crate) held: HeldWedges,
@@ -54,14 +55,14 @@ pub(crate) struct RunOutcome {
 }
 
 /// Rules that gave way to the target.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct RelaxedRules {
     pub(crate) seams: bool,
     pub(crate) sharp_edges: bool,
 }
 
 /// The part of an outcome that only a pass of the engine has: a method that builds a new surface leaves the defaults.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct EngineOutcome {
     pub(super) fitted: bool,
     pub(super) kept: KeptAtCost,
@@ -74,7 +75,7 @@ pub(crate) struct EngineOutcome {
 }
 
 /// Seams, parts and necks that a pass kept at a cost: a run without them may be closer to the input.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct KeptAtCost {
     /// Seams stayed on their lines, and refused collapses.
     pub(super) seams: bool,
@@ -85,6 +86,7 @@ pub(super) struct KeptAtCost {
 }
 
 /// Mapping between the vertices of the ordered input and of a result.
+#[derive(Clone)]
 pub(crate) struct Trace {
     /// Topology changes of the pass. Passes to two levels of a chain with equal changes continue each other.
     pub(super) changes: TopologyChanges,
