@@ -292,7 +292,7 @@ impl<M: Metric> Engine<M> {
             let [a, b, c] = faces[i].map(|w| block_of[w.index()]);
             if a == b && b == c { a } else { BETWEEN }
         });
-        let mut is_frozen = chunks::list(cells.len(), |i| cells[i] & STAYS != 0);
+        let mut is_frozen: Vec<bool> = cells.iter().map(|cell| cell & STAYS != 0).collect();
         let crossing: Vec<usize> = (0..faces.len()).filter(|&i| block_of_face[i] == BETWEEN).collect();
         for &i in &crossing {
             faces[i].iter().for_each(|w| is_frozen[w.index()] = true);
@@ -369,8 +369,7 @@ impl<M: Metric> Engine<M> {
     /// Makes one mesh of the blocks again, in the order that it had.
     pub(super) fn gather(&mut self, blocks: &Blocks<M>) {
         let living = blocks.live_vertices();
-        let v = chunks::list(living.len(), |i| blocks.vertex(living[i]).0);
-        let bound = chunks::list(living.len(), |i| blocks.vertex(living[i]).1);
+        let (v, bound) = living.iter().map(|&at| blocks.vertex(at)).unzip();
         let t = blocks.renumbered_faces(&living);
         self.mesh.store.put_elements(v, bound, t);
     }
