@@ -26,9 +26,8 @@ use crate::cost::tensor::Tensor;
 use faces::{FaceData, face_data};
 pub(crate) use move_guards::MoveGuards;
 use outliers::pull_in_outliers;
-use sampler::{Beside, Sampler};
+use sampler::{HomesOfInput, take_samples};
 use solve::solve;
-use stars::CachedStar;
 pub(crate) use values::{Originals, Values};
 
 /// Largest distance of a vertex from the original, in RMS heights of the samples.
@@ -42,10 +41,6 @@ const OUTLIER_CHECK_SHARE: f32 = 0.25;
 /// 1.5 to 3 % lower, RMS equal. With many samples the square is better: cow and bunny at 100 faces have 5 to
 /// 10 % less RMS with it.)
 const ROBUST_HEIGHT_SQ: f64 = 0.017;
-/// Number of stars in the cache. Samples come in Morton order, so a home is nearly always among the last
-/// hundred. (64 to 1024 are equally fast.)
-const STAR_CACHE_SIZE: usize = 128;
-
 /// Result of the fit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fitted {
@@ -69,26 +64,15 @@ pub(crate) fn fit<Q: VertexMemory>(
     if store.t.is_empty() {
         return Fitted::default();
     }
-    let FaceData { loads, leeway } = face_data(store);
+    let FaceData { mut loads, leeway } = face_data(store);
     let per_face = (given.point_count() + given.face_count()) as f64 / store.t.len() as f64;
-    let mut sampler = Sampler {
-        store,
-        vertices: &store.v,
-        cache: vec![CachedStar::NONE; STAR_CACHE_SIZE.min(store.v.len().next_power_of_two())],
-        loads,
-        robust_height_sq: (ROBUST_HEIGHT_SQ * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32,
-        height_sq_sum: 0.0,
-        weight: 0.0,
-        beside: Beside::default(),
-    };
-    sampler.take_samples(given, home, per_face, values);
-    let Sampler { mut loads, height_sq_sum: rr, weight, beside, .. } = sampler;
-    let limit = MAX_OUTLIER_RMS * MAX_OUTLIER_RMS * (rr / weight.max(1e-30)) as f32;
+    let robust_height_sq = (ROBUST_HEIGHT_SQ * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32;
+    let homes = HomesOfInput { home, per_face, robust_height_sq };
+    let sums = take_samples(store, &mut loads, given, &homes, values);
+    let limit = MAX_OUTLIER_RMS * MAX_OUTLIER_RMS * (sums.height_sq / sums.weight.max(1e-30)) as f32;
     let suspects = solve(store, &mut loads, leeway, OUTLIER_CHECK_SHARE * limit, guards, tensor);
-    let after = rr - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
+    let after = sums.height_sq - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();
     pull_in_outliers(store, &loads, suspects, given, home, (limit, guards));
-    // The mark still holds an index of an outlier: clear it, other code uses it as a stamp.
-    store.v.iter_mut().for_each(|x| x.mark = 0);
-    let distance_sq_sum = after.max(0.0) + beside.distance_sq_sum;
-    Fitted { rms: (distance_sq_sum / (weight + beside.weight).max(1e-30)).sqrt() }
+    let distance_sq_sum = after.max(0.0) + sums.beside_sq;
+    Fitted { rms: (distance_sq_sum / sums.total_weight().max(1e-30)).sqrt() }
 }

@@ -68,6 +68,7 @@ mod input;
 pub mod lod;
 mod methods;
 pub mod options;
+mod pieces;
 mod pipeline;
 mod progressive;
 pub mod proposal;

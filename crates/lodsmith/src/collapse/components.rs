@@ -4,7 +4,9 @@ use glam::Vec3;
 use lodsmith_core::{DisjointSets, VertexId};
 
 use super::order::NONE;
+use crate::chunks;
 use crate::cost::metric::PartSize;
+use crate::pieces::{PIECE_LEN, own_faces};
 
 /// A connected part of the mesh.
 #[derive(Clone, Copy)]
@@ -96,10 +98,46 @@ pub(crate) fn labels(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
         sets.join(a.0, b.0);
         sets.join(a.0, c.0);
     }
-    let mut label = sets.into_representatives();
+    numbered(sets.into_representatives())
+}
+
+/// Does the same for faces that are sorted by their lowest vertex, on several threads.
+pub(crate) fn labels_of_ordered(count: usize, faces: &[[VertexId; 3]]) -> Vec<u32> {
+    // Parts within each piece, and the faces that connect them.
+    let own_faces = own_faces(faces, count);
+    let pieces = chunks::each(own_faces.len(), |piece| {
+        let start = piece * PIECE_LEN;
+        let mut sets = DisjointSets::new(PIECE_LEN.min(count - start));
+        let mut connecting = Vec::new();
+        for t in &faces[own_faces[piece].clone()] {
+            let [a, b, c] = t.map(|v| v.index() - start);
+            if a.max(b).max(c) < PIECE_LEN {
+                sets.join(a as u32, b as u32);
+                sets.join(a as u32, c as u32);
+            } else {
+                connecting.push(*t);
+            }
+        }
+        let mut parts = sets.into_representatives();
+        parts.iter_mut().for_each(|v| *v += start as u32);
+        (parts, connecting)
+    });
+    let (parts, connecting): (Vec<_>, Vec<_>) = pieces.into_iter().unzip();
+    let parts = parts.concat();
+    let mut sets = DisjointSets::new(count);
+    for t in connecting.into_iter().flatten() {
+        let [a, b, c] = t.map(|v| parts[v.index()]);
+        sets.join(a, b);
+        sets.join(a, c);
+    }
+    let of_part = sets.into_representatives();
+    numbered(parts.into_iter().map(|part| of_part[part as usize]).collect())
+}
+
+/// Numbers the parts, given by their representatives: the first vertex of each.
+fn numbered(mut label: Vec<u32>) -> Vec<u32> {
     let mut parts = 0;
-    for i in 0..count {
-        // A representative comes before the other vertices of its part.
+    for i in 0..label.len() {
         let representative = label[i] as usize;
         label[i] = if representative == i { parts } else { label[representative] };
         parts += u32::from(representative == i);

@@ -2,6 +2,8 @@
 //! parts, and for the fit. Depending on the number of faces, an ordered copy of the input is kept, made again
 //! each time, or looked up face by face.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use lodsmith_core::{PositionsView, Surface, VertexId};
 use prefetch_index::prefetch_index;
@@ -44,22 +46,34 @@ impl<'a> OriginalInput<'a> {
 }
 
 /// The ordered input, for sampling.
-pub(crate) trait OrderedInput {
+pub(crate) trait OrderedInput: Sync {
     fn point_count(&self) -> usize;
     fn face_count(&self) -> usize;
-    /// Returns the vertices of a face. (Called for faces in ascending order.)
+    /// Returns access to the faces in ascending order, from any of them on.
+    fn in_order(&self) -> impl FacesInOrder;
+    /// Returns all points and faces, if they are kept in memory.
+    fn kept(&self) -> Option<KeptInput<'_>>;
+    /// Switches from faces in order to random access: from now on, single positions and all faces are read.
+    fn start_random_access(&mut self);
+    fn position(&self, v: VertexId) -> Vec3;
+    /// Number of the faces that [`Self::visit_faces`] counts.
+    fn all_faces(&self) -> usize;
+    /// Visits all faces with numbers in a range: any numbers, but always the same ones.
+    fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3]));
+}
+
+/// Faces of the ordered input, read in ascending order.
+pub(crate) trait FacesInOrder {
+    /// Returns the vertices of a face.
     fn face(&mut self, face: usize) -> [VertexId; 3];
     /// Returns the positions of a face's vertices, in the unit frame.
     fn positions(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
     /// Prefetches the positions of a face that will be read soon.
     fn prefetch(&self, face: usize);
-    /// Switches from faces in order to random access: from now on, single positions and all faces are read.
-    fn start_random_access(&mut self);
-    fn position(&self, v: VertexId) -> Vec3;
-    fn each_face(&self, visit: impl FnMut([VertexId; 3]));
 }
 
 /// The ordered input, kept in memory.
+#[derive(Clone, Copy)]
 pub(crate) struct KeptInput<'a> {
     pub(crate) points: &'a [Vec3],
     pub(crate) faces: &'a [[VertexId; 3]],
@@ -69,10 +83,30 @@ impl OrderedInput for KeptInput<'_> {
     fn point_count(&self) -> usize {
         self.points.len()
     }
-    #[inline(always)]
     fn face_count(&self) -> usize {
         self.faces.len()
     }
+    fn in_order(&self) -> impl FacesInOrder {
+        *self
+    }
+    fn kept(&self) -> Option<KeptInput<'_>> {
+        Some(*self)
+    }
+    fn start_random_access(&mut self) {}
+    #[inline(always)]
+    fn position(&self, v: VertexId) -> Vec3 {
+        self.points[v.index()]
+    }
+    fn all_faces(&self) -> usize {
+        self.faces.len()
+    }
+    #[inline(always)]
+    fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3])) {
+        self.faces[range].iter().copied().for_each(visit);
+    }
+}
+
+impl FacesInOrder for KeptInput<'_> {
     #[inline(always)]
     fn face(&mut self, face: usize) -> [VertexId; 3] {
         self.faces[face]
@@ -83,16 +117,6 @@ impl OrderedInput for KeptInput<'_> {
     }
     #[inline(always)]
     fn prefetch(&self, _: usize) {}
-    #[inline(always)]
-    fn start_random_access(&mut self) {}
-    #[inline(always)]
-    fn position(&self, v: VertexId) -> Vec3 {
-        self.points[v.index()]
-    }
-    #[inline(always)]
-    fn each_face(&self, visit: impl FnMut([VertexId; 3])) {
-        self.faces.iter().copied().for_each(visit);
-    }
 }
 
 /// The ordered input, computed from the original surface on access, bit for bit the same.
@@ -101,31 +125,13 @@ pub(crate) struct RemadeInput<'a> {
     surface: &'a Surface<'a>,
     /// Index of each face in the surface, in order.
     faces: Vec<u32>,
-    /// Current block of faces, looked up together so that cache misses overlap: index of the first one, and
-    /// their vertices in the surface and in the ordered input.
-    from: usize,
-    there: Vec<[VertexId; 3]>,
-    here: Vec<[VertexId; 3]>,
     /// The first vertex of the surface at each position, after random access by vertex has started.
     first: Vec<VertexId>,
 }
 
 impl<'a> RemadeInput<'a> {
     fn new(ordered: &'a Ordered, surface: &'a Surface<'a>) -> Self {
-        let faces = ordered.of_faces(surface, |i| i as u32);
-        let (there, here, first) = (Vec::new(), Vec::new(), Vec::new());
-        Self { ordered, surface, faces, from: 0, there, here, first }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn look_up(&mut self, face: usize) {
-        self.from = face - face % FACES_PER_BLOCK;
-        let block = &self.faces[self.from..self.faces.len().min(self.from + FACES_PER_BLOCK)];
-        self.there.clear();
-        self.there.extend(block.iter().map(|&i| self.surface.triangles()[i as usize]));
-        self.here.clear();
-        self.here.extend(self.there.iter().map(|t| t.map(|v| self.ordered.rank[v.index()])));
+        Self { ordered, surface, faces: ordered.of_faces(surface, |i| i as u32), first: Vec::new() }
     }
 
     fn place_there(&self, v: VertexId) -> Vec3 {
@@ -140,6 +146,51 @@ impl OrderedInput for RemadeInput<'_> {
     fn face_count(&self) -> usize {
         self.faces.len()
     }
+    fn in_order(&self) -> impl FacesInOrder {
+        RemadeFaces { input: self, from: 0, there: Vec::new(), here: Vec::new() }
+    }
+    fn kept(&self) -> Option<KeptInput<'_>> {
+        None
+    }
+    fn start_random_access(&mut self) {
+        self.faces = Vec::new();
+        self.first = self.ordered.first_vertices();
+    }
+    fn position(&self, v: VertexId) -> Vec3 {
+        self.place_there(self.first[v.index()])
+    }
+    fn all_faces(&self) -> usize {
+        self.surface.triangles().len()
+    }
+    fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3])) {
+        self.surface.triangles()[range].iter().filter_map(|t| self.ordered.face(t)).for_each(visit);
+    }
+}
+
+/// Faces of a [`RemadeInput`], in blocks that are looked up together so that cache misses overlap.
+struct RemadeFaces<'a> {
+    input: &'a RemadeInput<'a>,
+    /// Current block: index of the first face, and the vertices in the surface and in the ordered input.
+    from: usize,
+    there: Vec<[VertexId; 3]>,
+    here: Vec<[VertexId; 3]>,
+}
+
+impl RemadeFaces<'_> {
+    #[cold]
+    #[inline(never)]
+    fn look_up(&mut self, face: usize) {
+        let RemadeInput { ordered, surface, faces, .. } = self.input;
+        self.from = face - face % FACES_PER_BLOCK;
+        let block = &faces[self.from..faces.len().min(self.from + FACES_PER_BLOCK)];
+        self.there.clear();
+        self.there.extend(block.iter().map(|&i| surface.triangles()[i as usize]));
+        self.here.clear();
+        self.here.extend(self.there.iter().map(|t| t.map(|v| ordered.rank[v.index()])));
+    }
+}
+
+impl FacesInOrder for RemadeFaces<'_> {
     #[inline]
     fn face(&mut self, face: usize) -> [VertexId; 3] {
         // (For a face before the block, wrapping makes the difference large.)
@@ -153,29 +204,18 @@ impl OrderedInput for RemadeInput<'_> {
         if face.wrapping_sub(self.from) >= self.there.len() {
             self.look_up(face);
         }
-        self.there[face - self.from].map(|v| self.place_there(v))
+        self.there[face - self.from].map(|v| self.input.place_there(v))
     }
     #[inline]
     fn prefetch(&self, face: usize) {
         if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
             for v in t {
-                match self.surface.positions() {
+                match self.input.surface.positions() {
                     PositionsView::F32(p) => prefetch_index(p, v.index()),
                     PositionsView::F64(p) => prefetch_index(p, v.index()),
                 }
             }
         }
-    }
-    fn start_random_access(&mut self) {
-        (self.faces, self.there, self.here) = (Vec::new(), Vec::new(), Vec::new());
-        self.first = self.ordered.first_vertices();
-    }
-    fn position(&self, v: VertexId) -> Vec3 {
-        self.place_there(self.first[v.index()])
-    }
-    fn each_face(&self, look: impl FnMut([VertexId; 3])) {
-        let faces = self.surface.triangles().iter();
-        faces.filter_map(|t| self.ordered.face(t)).for_each(look);
     }
 }
 
@@ -195,15 +235,17 @@ mod tests {
         let o = order(&s);
         let mut again = RemadeInput::new(&o, &s);
         assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
+        let mut faces = again.in_order();
         for (i, t) in o.faces.iter().enumerate() {
-            again.prefetch(i + 8);
-            assert_eq!(again.face(i), *t);
-            assert_eq!(again.positions(i, *t), t.map(|v| o.points[v.index()]));
+            faces.prefetch(i + 8);
+            assert_eq!(faces.face(i), *t);
+            assert_eq!(faces.positions(i, *t), t.map(|v| o.points[v.index()]));
         }
+        drop(faces);
         again.start_random_access();
         assert!((0..).map(VertexId).zip(&o.points).all(|(v, p)| again.position(v) == *p));
         let (mut all, mut wanted) = (Vec::new(), o.faces.clone());
-        again.each_face(|t| all.push(t));
+        again.visit_faces(0..again.all_faces(), |t| all.push(t));
         all.sort();
         wanted.sort();
         assert_eq!(all, wanted);

@@ -64,6 +64,8 @@ const MIN_REMAINING_PERCENT: usize = 25;
 const SLACK_PERCENT: usize = 30;
 /// Number of vertices below which releasing memory is not worth the time.
 const SHRINK_MIN_VERTICES: usize = 1 << 16;
+/// The vertices are not copied to release memory if more than this percentage of it is used.
+const COPY_MAX_USED_PERCENT: usize = 80;
 
 /// The corners after and before each corner, as tables: a branch on it would be unpredictable.
 const NEXT: [usize; 4] = [1, 2, 0, 0];
@@ -81,7 +83,7 @@ impl<Q: VertexMemory> Store<Q> {
         regions: Option<Vec<RegionId>>,
     ) -> Self {
         let vertex = |(i, &p): (usize, &Vec3)| Vertex {
-            place: PackedPosition { p, mark: 0 },
+            place: PackedPosition { p, unused: 0 },
             q: Q::default(),
             origin: VertexId(i as u32),
             head: 0,
@@ -315,7 +317,9 @@ impl<Q: VertexMemory> Store<Q> {
         self.bound = Vec::new();
         self.corners.shrink_to_fit();
         self.t.shrink_to_fit();
-        self.v.shrink_to_fit();
+        if self.v.len() * 100 < self.v.capacity() * COPY_MAX_USED_PERCENT {
+            self.v.shrink_to_fit();
+        }
     }
 
     /// Gives a copy as much spare room for lists as its original has, so that compaction happens at the same

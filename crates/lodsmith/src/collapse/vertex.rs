@@ -29,14 +29,14 @@ pub(crate) struct Vertex<Q> {
     pub(crate) facing: Facing,
 }
 
-/// Position of a vertex and a mark, loaded together by one instruction.
+/// Position of a vertex, loaded by one instruction.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub(crate) struct PackedPosition {
     /// Position in the unit frame.
     pub(crate) p: Vec3,
-    /// Scratch for the fit: indices of outliers.
-    pub(crate) mark: u32,
+    /// (Fills the register.)
+    pub(crate) unused: u32,
 }
 
 impl<Q> std::ops::Deref for Vertex<Q> {

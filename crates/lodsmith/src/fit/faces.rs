@@ -1,10 +1,13 @@
 //! Geometry of the final triangles, four at a time.
 
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
 use wide::f32x4;
 
 use super::normal_equations::FaceNormalEquations;
+use crate::chunks;
 use crate::collapse::store::Store;
-use crate::cost::lanes::{Four, cross, dot, min, sub};
+use crate::cost::lanes::{Four, cross, dot, sub};
 use crate::cost::metric::VertexMemory;
 
 /// Square of the fraction of a face's height by which all its corners may move without rotating it by 60
@@ -58,22 +61,28 @@ pub(super) struct FaceData {
 
 #[inline(never)]
 pub(super) fn face_data<Q: VertexMemory>(store: &Store<Q>) -> FaceData {
-    let mut leeways = vec![f32::INFINITY; store.v.len()];
+    // (Numbers that are not negative have the order of their bits.)
+    let leeways = chunks::list(store.v.len(), |_| AtomicU32::new(f32::INFINITY.to_bits()));
     let mut loads = bytemuck::zeroed_vec::<FaceNormalEquations>(store.t.len());
-    for (few, loads) in store.t.chunks(4).zip(loads.chunks_mut(4)) {
-        let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
-        let four = FourFaces::new([0, 1, 2].map(|k| store.four(t.map(|t| t[k]))));
-        let is_sound = four.are_sound(&store.four_facings(t));
-        let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * FREE_MOVE_SHARE_SQ)).to_array());
-        let [x, y, z] = four.normal;
-        let normals = f32x4::transpose([x, y, z, f32x4::ZERO]);
-        for (i, (t, load)) in few.iter().zip(loads).enumerate() {
-            for k in 0..3 {
-                let of = &mut leeways[t[k].index()];
-                *of = min(*of, leeway[k][i % 4]);
+    chunks::fill(&mut loads, |start, loads| {
+        for (few, loads) in store.t[start..][..loads.len()].chunks(4).zip(loads.chunks_mut(4)) {
+            let t = [0, 1, 2, 3].map(|i: usize| few[i.min(few.len() - 1)]);
+            let four = FourFaces::new([0, 1, 2].map(|k| store.four(t.map(|t| t[k]))));
+            let is_sound = four.are_sound(&store.four_facings(t));
+            let leeway = four.high_sq.map(|high_sq| (is_sound & (high_sq * FREE_MOVE_SHARE_SQ)).to_array());
+            let [x, y, z] = four.normal;
+            let normals = f32x4::transpose([x, y, z, f32x4::ZERO]);
+            for (i, (t, load)) in few.iter().zip(loads).enumerate() {
+                for k in 0..3 {
+                    let (of, leeway) = (&leeways[t[k].index()], leeway[k][i % 4].to_bits());
+                    if leeway < of.load(Relaxed) {
+                        of.fetch_min(leeway, Relaxed);
+                    }
+                }
+                load.0[3] = normals[i % 4];
             }
-            load.0[3] = normals[i % 4];
         }
-    }
-    FaceData { loads, leeway: leeways }
+    });
+    let leeway = leeways.into_iter().map(|bits| f32::from_bits(bits.into_inner())).collect();
+    FaceData { loads, leeway }
 }

@@ -1,11 +1,14 @@
 //! The pull-back of outliers: moved vertices that are too far from the original.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
 use glam::{Vec3, Vec3A};
 use lodsmith_core::VertexId;
 
 use super::MoveGuards;
 use super::normal_equations::FaceNormalEquations;
 use super::solve::keeps_orientation;
+use crate::chunks;
 use crate::collapse::order::NONE;
 use crate::collapse::ordered_input::OrderedInput;
 use crate::collapse::store::Store;
@@ -35,10 +38,16 @@ struct Outlier {
     /// The nearest of the points merged into it, and its squared distance.
     point: VertexId,
     distance_sq: f32,
-    /// True if it projects into a face there and is not far from it.
-    is_near: bool,
     /// The nearest point of the faces there and its squared distance, if computed.
     found: (f32, Vec3),
+}
+
+impl Outlier {
+    fn take_if_nearer(&mut self, found: (f32, Vec3)) {
+        if found.0 < self.found.0 {
+            self.found = found;
+        }
+    }
 }
 
 /// Moves outliers back: vertices that are farther off the original than the root of `limit`. The surface
@@ -53,22 +62,21 @@ pub(super) fn pull_in_outliers<Q: VertexMemory>(
     home: &[VertexId],
     (limit, guards): (f32, Option<&MoveGuards>),
 ) {
-    // (The mark of a vertex is free for scratch: here one more than its index among the suspects.)
-    store.v.iter_mut().for_each(|x| x.mark = 0);
     let mut suspects: Vec<Outlier> = suspects
         .into_iter()
         .map(|vertex| Outlier {
             vertex,
             point: NONE,
             distance_sq: f32::INFINITY,
-            is_near: false,
             found: (f32::INFINITY, Vec3::ZERO),
         })
         .collect();
+    // For each vertex its number among the suspects, from 1 on.
+    let mut numbers = vec![0u32; store.v.len()];
     for (i, suspect) in suspects.iter().enumerate() {
-        store.v[suspect.vertex.index()].mark = i as u32 + 1;
+        numbers[suspect.vertex.index()] = i as u32 + 1;
     }
-    find_merged_points(store, &mut suspects, given, home);
+    find_merged_points(store, (&mut suspects, &numbers), given, home);
     let mut look = vec![false; given.point_count()];
     let mut any = false;
     for suspect in &suspects {
@@ -79,7 +87,7 @@ pub(super) fn pull_in_outliers<Q: VertexMemory>(
     if !any {
         return;
     }
-    check_faces_at_points(store, &mut suspects, &look, given, home, limit);
+    check_faces_at_points(store, (&mut suspects, &numbers), &look, given, home, limit);
     suspects.retain(|s| s.found.0 > limit && s.found.0.is_finite());
     find_nearest(store, given, home, &mut suspects);
     for outlier in &suspects {
@@ -90,23 +98,28 @@ pub(super) fn pull_in_outliers<Q: VertexMemory>(
 /// Finds the nearest of the points of the original that were merged into each suspect.
 fn find_merged_points<Q: VertexMemory>(
     store: &Store<Q>,
-    suspects: &mut [Outlier],
+    (suspects, numbers): (&mut [Outlier], &[u32]),
     given: &mut impl OrderedInput,
     home: &[VertexId],
 ) {
     given.start_random_access();
-    for (i, &h) in home.iter().enumerate().take(given.point_count()) {
-        if h == NONE {
-            continue;
-        }
-        let x = &store.v[h.index()];
-        if x.mark > 0 {
-            let suspect = &mut suspects[x.mark as usize - 1];
-            let point = VertexId(i as u32);
-            let d2 = (given.position(point) - x.p).length_squared();
-            if d2 < suspect.distance_sq {
-                (suspect.point, suspect.distance_sq) = (point, d2);
+    let given = &*given;
+    let found = chunks::map(home.len().min(given.point_count()), |range| {
+        let mut found = Vec::new();
+        for i in range {
+            // (None is beyond all vertices.)
+            if let Some(&number @ 1..) = numbers.get(home[i].index()) {
+                let (suspect, point) = (number as usize - 1, VertexId::new(i));
+                let at = store.p(suspects[suspect].vertex);
+                found.push((suspect, point, (given.position(point) - at).length_squared()));
             }
+        }
+        found
+    });
+    for (suspect, point, d2) in found.into_iter().flatten() {
+        let suspect = &mut suspects[suspect];
+        if d2 < suspect.distance_sq {
+            (suspect.point, suspect.distance_sq) = (point, d2);
         }
     }
 }
@@ -114,42 +127,54 @@ fn find_merged_points<Q: VertexMemory>(
 /// Measures the suspects against the faces at these points of the original.
 fn check_faces_at_points<Q: VertexMemory>(
     store: &Store<Q>,
-    suspects: &mut [Outlier],
+    (suspects, numbers): (&mut [Outlier], &[u32]),
     look: &[bool],
     given: &impl OrderedInput,
     home: &[VertexId],
     limit: f32,
 ) {
-    // Nearly all project into one of the faces there; for the others, the distance is computed afterwards.
-    let mut others: Vec<(u32, [VertexId; 3])> = Vec::new();
-    given.each_face(|t| {
-        // (Few faces are checked.)
-        let [a, b, c] = t.map(|w| look[w.index()]);
-        if !(a | b | c) {
-            return;
-        }
-        for w in t.into_iter().filter(|w| look[w.index()]) {
-            let x = &store.v[home[w.index()].index()];
-            let suspect = &mut suspects[x.mark as usize - 1];
-            if !suspect.is_near {
-                suspect.is_near =
-                    is_above(in_register(x.p), t.map(|w| in_register(given.position(w))), limit);
-                if !suspect.is_near {
-                    others.push((x.mark - 1, t));
+    // Nearly all suspects project into one of the faces there; the distances of the others are computed.
+    let is_near = chunks::list(suspects.len(), |_| AtomicBool::new(false));
+    let others = chunks::map(given.all_faces(), |range| {
+        let mut others = Vec::new();
+        given.visit_faces(range, |t| {
+            // (Few faces are checked.)
+            let [a, b, c] = t.map(|w| look[w.index()]);
+            if !(a | b | c) {
+                return;
+            }
+            for w in t.into_iter().filter(|w| look[w.index()]) {
+                let suspect = numbers[home[w.index()].index()] as usize - 1;
+                if is_near[suspect].load(Relaxed) {
+                    continue;
+                }
+                let p = in_register(store.p(suspects[suspect].vertex));
+                if is_above(p, t.map(|w| in_register(given.position(w))), limit) {
+                    is_near[suspect].store(true, Relaxed);
+                } else {
+                    others.push((suspect, t));
                 }
             }
-        }
+        });
+        others
     });
-    for (number, t) in others {
-        let suspect = &mut suspects[number as usize];
-        if !suspect.is_near && suspect.found.0 > limit {
-            let [a, b, c] = t.map(|w| given.position(w));
-            let near = triangle::closest(store.p(suspect.vertex), a, b, c);
-            if near.0 < suspect.found.0 {
-                suspect.found = near;
-            }
+    for (suspect, t) in others.into_iter().flatten() {
+        let at = &mut suspects[suspect];
+        if !is_near[suspect].load(Relaxed) && at.found.0 > limit {
+            at.take_if_nearer(nearest(store, at.vertex, t, given));
         }
     }
+}
+
+/// Returns the point of a face of the original that is nearest to a vertex, and its squared distance.
+fn nearest<Q: VertexMemory>(
+    store: &Store<Q>,
+    vertex: VertexId,
+    t: [VertexId; 3],
+    given: &impl OrderedInput,
+) -> (f32, Vec3) {
+    let [a, b, c] = t.map(|w| given.position(w));
+    triangle::closest(store.p(vertex), a, b, c)
 }
 
 /// Moves an outlier towards the nearest point of the original, as far as faces keep their orientation.
@@ -197,21 +222,23 @@ fn find_nearest<Q: VertexMemory>(
     let mut is_in_star = vec![false; store.v.len()];
     stars.iter().for_each(|(w, _)| is_in_star[w.index()] = true);
     let is_near = |h: VertexId| h != NONE && is_in_star[h.index()];
-    given.each_face(|t| {
-        let homes = t.map(|w| home[w.index()]);
-        if !homes.into_iter().any(is_near) {
-            return;
-        }
-        let [a, b, c] = t.map(|w| given.position(w));
-        for h in homes.into_iter().filter(|&h| is_near(h)) {
-            let first = stars.partition_point(|s| s.0 < h);
-            for &(_, i) in stars[first..].iter().take_while(|s| s.0 == h) {
-                let suspect = &mut suspects[i];
-                let near = triangle::closest(store.p(suspect.vertex), a, b, c);
-                if near.0 < suspect.found.0 {
-                    suspect.found = near;
+    let found = chunks::map(given.all_faces(), |range| {
+        let mut nearer = Vec::new();
+        given.visit_faces(range, |t| {
+            let homes = t.map(|w| home[w.index()]);
+            for h in homes.into_iter().filter(|&h| is_near(h)) {
+                let first = stars.partition_point(|s| s.0 < h);
+                for &(_, i) in stars[first..].iter().take_while(|s| s.0 == h) {
+                    let found = nearest(store, suspects[i].vertex, t, given);
+                    if found.0 < suspects[i].found.0 {
+                        nearer.push((i, found));
+                    }
                 }
             }
-        }
+        });
+        nearer
     });
+    for (suspect, found) in found.into_iter().flatten() {
+        suspects[suspect].take_if_nearer(found);
+    }
 }

@@ -1,5 +1,7 @@
 //! Assignment of samples of the original to the final triangles.
 
+use std::ops::Range;
+
 use glam::{Vec3, Vec3A};
 use lodsmith_core::VertexId;
 use wide::f32x4;
@@ -7,13 +9,19 @@ use wide::f32x4;
 use super::normal_equations::FaceNormalEquations;
 use super::stars::{CachedStar, MIN_FACING_COS, Nearest};
 use super::values::Values;
+use crate::chunks;
 use crate::collapse::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
-use crate::collapse::ordered_input::OrderedInput;
+use crate::collapse::ordered_input::{FacesInOrder, KeptInput, OrderedInput};
+use crate::collapse::ring::Corner;
 use crate::collapse::store::Store;
 use crate::collapse::vertex::Vertex;
 use crate::cost::lanes::{dots, in_register, max};
 use crate::cost::metric::VertexMemory;
+use crate::pieces::{PIECE_LEN, Pieces};
 
+/// Number of stars in the cache. Samples come in Morton order, so a home is nearly always among the last
+/// hundred. (64 to 1024 are equally fast.)
+const STAR_CACHE_SIZE: usize = 128;
 /// Largest lateral distance of a sample outside its triangle, relative to its height, both squared.
 const MAX_LATERAL_SQ: f32 = 0.01;
 /// Largest number of samples for each final triangle. (More samples gain less than 1 %.)
@@ -24,73 +32,316 @@ const MAX_WALKED_STARS: usize = 16;
 /// Prefetch distance for positions, in samples. (Guessed.)
 const PREFETCH_DISTANCE: usize = 8;
 
-/// Triangle and position that a sample was assigned to.
+/// Number of faces of the original whose samples are placed together.
+const CHUNK_LEN: usize = 1 << 13;
+/// Samples of so many bits of the number of their final face are added together; with values all, in order.
+const BITS_OF_PART: u32 = 14;
+const BITS_OF_ALL: u32 = 30;
+/// Chunks of each thread that are in memory together.
+const CHUNKS_PER_THREAD: usize = 4;
+
+/// A sample of the original.
 #[derive(Clone, Copy)]
-struct AssignedSample {
-    face: usize,
-    /// Barycentric coordinates.
-    b: Vec3,
+struct InputSample {
+    /// Four times the face of the original, plus its corner, or 3 for its centre.
+    of: u32,
     weight: f32,
 }
 
-pub(super) struct Sampler<'a, Q: VertexMemory> {
-    pub(super) store: &'a Store<Q>,
-    /// The vertices of the store.
-    pub(super) vertices: &'a [Vertex<Q>],
-    pub(super) cache: Vec<CachedStar>,
-    pub(super) loads: Vec<FaceNormalEquations>,
-    /// Squared height above which samples count less.
-    pub(super) robust_height_sq: f32,
-    pub(super) height_sq_sum: f64,
+/// Place of a sample on a final triangle.
+#[derive(Clone, Copy)]
+struct OnFace {
+    face: usize,
+    /// Barycentric coordinates; zero in the fourth lane.
+    b: f32x4,
+    height: f32,
+    distance_sq: f32,
+}
+
+/// SampleSums over samples.
+#[derive(Clone, Copy, Default)]
+pub(super) struct SampleSums {
+    pub(super) height_sq: f64,
     pub(super) weight: f64,
     /// Squared distances and weights of samples that project into no triangle: beyond a border that moved.
-    pub(super) beside: Beside,
+    pub(super) beside_sq: f64,
+    pub(super) beside_weight: f64,
 }
 
-/// Samples that cannot be fitted: sums of their weighted squared distances and of their weights.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Beside {
-    pub(super) distance_sq_sum: f64,
-    pub(super) weight: f64,
+impl SampleSums {
+    /// Sum of all weights.
+    pub(super) fn total_weight(&self) -> f64 {
+        self.weight + self.beside_weight
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.height_sq += other.height_sq;
+        self.weight += other.weight;
+        self.beside_sq += other.beside_sq;
+        self.beside_weight += other.beside_weight;
+    }
 }
 
-impl<Q: VertexMemory> Sampler<'_, Q> {
-    /// Takes the samples: exact quadrature of quadratic functions, with 3/4 of the area at the centre and 1/12
-    /// at each corner. `per_face` is the number of points and faces of the original for each final triangle.
-    ///
-    /// Each vertex is sampled once for all its faces; on CAD parts, the order of the file decides which
-    /// corner of a face comes first, and some vertices never do. If samples are many or memory is scarce, one
-    /// corner of every second face stands for six.
+/// What samples of the original have in common.
+#[derive(Clone, Copy)]
+pub(super) struct HomesOfInput<'a> {
+    /// Each vertex of the original has its home, or [`NONE`].
+    pub(super) home: &'a [VertexId],
+    /// Number of points and faces of the original for each final triangle.
+    pub(super) per_face: f64,
+    /// Squared height above which samples count less.
+    pub(super) robust_height_sq: f32,
+}
+
+/// Takes the samples: exact quadrature of quadratic functions, with 3/4 of the area at the centre and 1/12
+/// at each corner. Adds them to the `loads` of the final triangles, and to `values` if given. Chunks of the original
+/// are placed side by side, and each load adds its samples in order.
+///
+/// Each vertex is sampled once for all its faces; on CAD parts, the order of the file decides which
+/// corner of a face comes first, and some vertices never do. If samples are many or memory is scarce, one
+/// corner of every second face stands for six.
+pub(super) fn take_samples<Q: VertexMemory>(
+    store: &Store<Q>,
+    loads: &mut [FaceNormalEquations],
+    given: &impl OrderedInput,
+    homes: &HomesOfInput<'_>,
+    mut values: Option<&mut Values<'_>>,
+) -> SampleSums {
+    let stride = ((homes.per_face / MAX_SAMPLES_PER_FACE as f64) as usize).max(1);
+    let kept = given.kept().filter(|_| stride == 1 && given.face_count() <= TIME_OVER_MEMORY_MAX_FACES);
+    let areas = kept.map_or_else(Vec::new, |kept| areas_at_vertices(kept, homes.home));
+    let count = given.face_count().div_ceil(CHUNK_LEN);
+    let faces = |k: usize| k * CHUNK_LEN..given.face_count().min((k + 1) * CHUNK_LEN);
+    let robust = homes.robust_height_sq;
+    let mut sums = SampleSums::default();
+    if chunks::threads(given.face_count()) == 1 {
+        let mut placer = Placer::new(store, Direct { loads, values, store, robust });
+        for k in 0..count {
+            placer.place(faces(k), stride, given.in_order(), homes.home, &areas);
+            sums.add(&std::mem::take(&mut placer.sums));
+        }
+        return sums;
+    }
+    let bits = if values.is_some() { BITS_OF_ALL } else { BITS_OF_PART };
+    let together = CHUNKS_PER_THREAD * chunks::threads(given.face_count());
+    for first in (0..count).step_by(together) {
+        let placed = chunks::each(together.min(count - first), |k| {
+            let mut placer = Placer::new(store, Stored { loads, bits, parts: Vec::new() });
+            placer.place(faces(first + k), stride, given.in_order(), homes.home, &areas);
+            (placer.to.parts, placer.sums)
+        });
+        placed.iter().for_each(|(_, more)| sums.add(more));
+        let mut parts: Vec<(&mut [FaceNormalEquations], Vec<&[PlacedSample]>)> =
+            loads.chunks_mut(1 << bits).map(|loads| (loads, Vec::new())).collect();
+        for (part, samples) in placed.iter().flat_map(|(placed, _)| placed) {
+            parts[*part].1.push(samples);
+        }
+        parts.retain(|(_, samples)| !samples.is_empty());
+        chunks::over(parts, |_, (loads, samples)| {
+            samples.into_iter().flatten().for_each(|sample| sample.add_to(loads, bits, robust));
+        });
+        if let Some(values) = &mut values {
+            let samples = placed.iter().flat_map(|(placed, _)| placed).flat_map(|(_, samples)| samples);
+            samples.for_each(|sample| sample.add_to_values(values, store, robust));
+        }
+    }
+    sums
+}
+
+impl InputSample {
+    /// Returns the weight, which is less if the sample is high above its triangle.
     #[inline(always)]
-    pub(super) fn take_samples(
+    fn robust_weight(&self, height: f32, robust_height_sq: f32) -> f32 {
+        self.weight * (robust_height_sq / (robust_height_sq + height * height)).sqrt()
+    }
+
+    /// Adds it to the load of its triangle.
+    #[inline(always)]
+    fn add_on_face(&self, on: &OnFace, load: &mut FaceNormalEquations, robust: f32) {
+        load.add(on.b, self.robust_weight(on.height, robust), on.height, on.distance_sq);
+    }
+
+    /// Adds it to the load at the corner of a vertex, which it holds in place.
+    #[inline(always)]
+    fn add_at_vertex(&self, at: Corner, load: &mut FaceNormalEquations) {
+        load.numbers_mut()[at.k()] += self.weight;
+    }
+
+    /// Adds the values of the original there, on a triangle.
+    fn add_values_on_face(&self, on: &OnFace, values: &mut Values<'_>, robust: f32) {
+        let [u, v, w, _] = on.b.to_array();
+        let (b, weight) = (Vec3::new(u, v, w), self.robust_weight(on.height, robust));
+        match (self.of as usize / 4, self.of as usize % 4) {
+            (i, 3) => values.add_centre(i, on.face, b, weight),
+            corner => values.add_corner(corner, on.face, b, weight),
+        }
+    }
+
+    /// Adds the values of the original there, at a vertex.
+    fn add_values_at_vertex<Q: VertexMemory>(&self, at: Corner, values: &mut Values<'_>, store: &Store<Q>) {
+        let around = store.listed(store.t[at.face()][at.k()]);
+        values.add_at_home((self.of as usize / 4, self.of as usize % 4), around, self.weight);
+    }
+}
+
+/// Receiver of placed samples, and the normals of the final triangles.
+trait Samples {
+    fn normal(&self, face: usize) -> Vec3A;
+    fn put_on_face(&mut self, sample: InputSample, on: OnFace);
+    fn put_at_vertex(&mut self, sample: InputSample, at: Corner);
+}
+
+/// Adds samples at once.
+struct Direct<'a, 'v, Q: VertexMemory> {
+    loads: &'a mut [FaceNormalEquations],
+    values: Option<&'a mut Values<'v>>,
+    store: &'a Store<Q>,
+    robust: f32,
+}
+
+impl<Q: VertexMemory> Samples for Direct<'_, '_, Q> {
+    #[inline(always)]
+    fn normal(&self, face: usize) -> Vec3A {
+        self.loads[face].normal()
+    }
+    #[inline(always)]
+    fn put_on_face(&mut self, sample: InputSample, on: OnFace) {
+        sample.add_on_face(&on, &mut self.loads[on.face], self.robust);
+        if let Some(values) = &mut self.values {
+            sample.add_values_on_face(&on, values, self.robust);
+        }
+    }
+    #[inline(always)]
+    fn put_at_vertex(&mut self, sample: InputSample, at: Corner) {
+        sample.add_at_vertex(at, &mut self.loads[at.face()]);
+        if let Some(values) = &mut self.values {
+            sample.add_values_at_vertex(at, values, self.store);
+        }
+    }
+}
+
+/// A sample and its place.
+#[derive(Clone, Copy)]
+struct PlacedSample {
+    sample: InputSample,
+    at: Corner,
+    height: f32,
+    /// Barycentric coordinates, and the squared distance; that is negative at a vertex.
+    b: f32x4,
+}
+
+impl PlacedSample {
+    /// Returns the place on a triangle, or `None` at a vertex.
+    #[inline(always)]
+    fn on_face(&self) -> Option<OnFace> {
+        let [u, v, w, distance_sq] = self.b.to_array();
+        let b = f32x4::new([u, v, w, 0.0]);
+        (distance_sq >= 0.0).then_some(OnFace { face: self.at.face(), b, height: self.height, distance_sq })
+    }
+
+    /// Adds it to its load, in its part of all loads.
+    #[inline(always)]
+    fn add_to(&self, loads: &mut [FaceNormalEquations], bits: u32, robust: f32) {
+        let load = &mut loads[self.at.face() & ((1 << bits) - 1)];
+        match self.on_face() {
+            Some(on) => self.sample.add_on_face(&on, load, robust),
+            None => self.sample.add_at_vertex(self.at, load),
+        }
+    }
+
+    fn add_to_values<Q: VertexMemory>(&self, values: &mut Values<'_>, store: &Store<Q>, robust: f32) {
+        match self.on_face() {
+            Some(on) => self.sample.add_values_on_face(&on, values, robust),
+            None => self.sample.add_values_at_vertex(self.at, values, store),
+        }
+    }
+}
+
+/// Keeps samples, by part of the loads and in order in each.
+struct Stored<'a> {
+    loads: &'a [FaceNormalEquations],
+    bits: u32,
+    parts: Vec<(usize, Vec<PlacedSample>)>,
+}
+
+impl Samples for Stored<'_> {
+    #[inline(always)]
+    fn normal(&self, face: usize) -> Vec3A {
+        self.loads[face].normal()
+    }
+    #[inline(always)]
+    fn put_on_face(&mut self, sample: InputSample, on: OnFace) {
+        let [u, v, w, _] = on.b.to_array();
+        let b = f32x4::new([u, v, w, on.distance_sq]);
+        self.put(PlacedSample { sample, at: Corner::new(on.face, 0), height: on.height, b });
+    }
+    #[inline(always)]
+    fn put_at_vertex(&mut self, sample: InputSample, at: Corner) {
+        self.put(PlacedSample { sample, at, height: 0.0, b: f32x4::splat(-1.0) });
+    }
+}
+
+impl Stored<'_> {
+    #[inline(always)]
+    fn put(&mut self, sample: PlacedSample) {
+        let part = sample.at.face() >> self.bits;
+        match self.parts.last_mut() {
+            Some((last, samples)) if *last == part => samples.push(sample),
+            _ => self.put_elsewhere(part, sample),
+        }
+    }
+
+    /// Keeps a sample of another part than the last one.
+    #[cold]
+    #[inline(never)]
+    fn put_elsewhere(&mut self, part: usize, sample: PlacedSample) {
+        let at = self.parts.iter().position(|(other, _)| *other == part).unwrap_or(self.parts.len());
+        if at == self.parts.len() {
+            self.parts.push((part, Vec::with_capacity(CHUNK_LEN)));
+        }
+        let last = self.parts.len() - 1;
+        self.parts.swap(at, last);
+        self.parts[last].1.push(sample);
+    }
+}
+
+/// Places the samples of the original on the final triangles.
+struct Placer<'a, Q: VertexMemory, S: Samples> {
+    store: &'a Store<Q>,
+    /// The vertices of the store.
+    vertices: &'a [Vertex<Q>],
+    cache: Vec<CachedStar>,
+    to: S,
+    sums: SampleSums,
+}
+
+impl<'a, Q: VertexMemory, S: Samples> Placer<'a, Q, S> {
+    fn new(store: &'a Store<Q>, to: S) -> Self {
+        let cache = vec![CachedStar::NONE; STAR_CACHE_SIZE.min(store.v.len().next_power_of_two())];
+        Self { store, vertices: &store.v, cache, to, sums: SampleSums::default() }
+    }
+
+    /// Places the samples of some faces, with the `areas` at the vertices that each face samples, or none if one corner
+    /// of every second face stands for six.
+    #[inline(always)]
+    fn place(
         &mut self,
-        given: &mut impl OrderedInput,
+        faces: Range<usize>,
+        stride: usize,
+        mut given: impl FacesInOrder,
         home: &[VertexId],
-        per_face: f64,
-        mut values: Option<&mut Values<'_>>,
+        areas: &[AreaAtVertex],
     ) {
-        let stride = ((per_face / MAX_SAMPLES_PER_FACE as f64) as usize).max(1);
-        let (store, vertices) = (self.store, self.vertices);
-        // A face that survives is found among the final ones without a search: both are in the same order,
-        // and no removed face has three different homes.
-        let final_faces = &store.t[..];
-        let mut survivors = 0;
-        let (mut faces_to_skip, mut sampled_faces) = (0, 0);
-        let samples_all_vertices = stride == 1 && given.face_count() <= TIME_OVER_MEMORY_MAX_FACES;
-        let mut vertex_areas = if samples_all_vertices { vertex_areas(given) } else { Vec::new() };
-        for i in 0..given.face_count() {
+        let mut next_survivor = None;
+        for i in faces {
             let t = given.face(i);
             let homes = t.map(|w| home[w.index()]);
-            let face = survivors;
-            let survives = final_faces.get(face).is_some_and(|t| is_same(t, &homes));
-            survivors += usize::from(survives);
-            if faces_to_skip > 0 {
-                faces_to_skip -= 1;
+            let survivor = self.survivor(&homes, next_survivor);
+            next_survivor = survivor.map(|face| face + 1).or(next_survivor);
+            if i % stride > 0 {
                 continue;
             }
-            (faces_to_skip, sampled_faces) = (stride - 1, sampled_faces + 1);
-            // If two corners were merged into one vertex, the face is more likely there.
-            let u = if homes[1] == homes[2] { homes[1] } else { homes[0] };
+            let u = deciding(&homes);
             if u == NONE {
                 continue;
             }
@@ -99,33 +350,47 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
             let normal = (b - a).cross(c - a);
             let area = normal.length();
             let centre = (a + (b + c)) * (1.0 / 3.0);
-            let placed = if survives { self.assign_to_face(face, homes, centre, 9.0 * area) } else { None };
-            let placed = placed.or_else(|| self.assign(centre, (normal, area), 9.0 * area, u));
-            if let (Some(values), Some(placed)) = (&mut values, placed) {
-                values.add_centre(i, placed.face, placed.b, placed.weight);
+            let of = 4 * i as u32;
+            let sample = InputSample { of: of + 3, weight: 9.0 * area };
+            let is_placed = survivor.is_some_and(|face| self.place_on(sample, face, homes, centre));
+            if !is_placed {
+                self.place_near(sample, centre, (normal, area), u);
             }
             for (k, p) in [a, b, c].into_iter().enumerate() {
-                let weight = match vertex_areas.get_mut(t[k].index()) {
-                    Some(area) => std::mem::take(area),
-                    None if sampled_faces % 2 == 0 && sampled_faces / 2 % 3 == k => 6.0 * area,
-                    None => 0.0,
+                let nth = i / stride + 1;
+                let weight = match areas.get(t[k].index()) {
+                    Some(at) if at.sampler == i as u32 => at.area,
+                    None if nth.is_multiple_of(2) && nth / 2 % 3 == k => 6.0 * area,
+                    _ => 0.0,
                 };
                 if homes[k] == NONE || weight == 0.0 {
                     continue;
                 }
-                if in_register(vertices[homes[k].index()].p) == p {
-                    self.assign_to_home(weight, homes[k]);
-                    if let Some(values) = &mut values {
-                        values.add_at_home((i, k), store.listed(homes[k]), weight);
-                    }
+                let sample = InputSample { of: of + k as u32, weight };
+                if in_register(self.vertices[homes[k].index()].p) == p {
+                    self.place_at_home(sample, homes[k]);
                 } else {
-                    let placed = self.assign(p, (normal, area), weight, homes[k]);
-                    if let (Some(values), Some(placed)) = (&mut values, placed) {
-                        values.add_corner((i, k), placed.face, placed.b, placed.weight);
-                    }
+                    self.place_near(sample, p, (normal, area), homes[k]);
                 }
             }
         }
+    }
+
+    /// Returns the final face that a face with these homes became, if it is one. (No removed face has three different
+    /// homes, and final faces have the order of the original: it is nearly always the `next` one.)
+    #[inline(always)]
+    fn survivor(&self, homes: &[VertexId; 3], next: Option<usize>) -> Option<usize> {
+        if let Some(next) = next
+            && self.store.t.get(next).is_some_and(|t| is_same(t, homes))
+        {
+            return Some(next);
+        }
+        let [a, b, c] = *homes;
+        if a == b || b == c || a == c || a == NONE || b == NONE || c == NONE {
+            return None;
+        }
+        let mut around = self.store.listed(a).iter().map(|corner| corner.face());
+        around.find(|&face| is_same(&self.store.t[face], homes))
     }
 
     /// Returns the nearest triangle of the star of `u` that faces the same way as a sample, if it is nearer
@@ -141,7 +406,7 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
         let q = p - in_register(self.vertices[u.index()].p);
         let found = star.nearest(q, within)?;
         // Few triangles face away, so this is checked afterwards.
-        if self.loads[found.corner.face()].normal().dot(normal.0) > MIN_FACING_COS * normal.1 {
+        if self.to.normal(found.corner.face()).dot(normal.0) > MIN_FACING_COS * normal.1 {
             return Some(found);
         }
         star.nearest_facing(q, normal, within)
@@ -151,7 +416,7 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
     /// whichever way that faces: it walks from star to star as long as they get nearer. (Inside a surface
     /// such a sample lies over an edge, at about the distance of others.)
     #[cold]
-    fn add_beside(&mut self, p: Vec3A, weight: f32, home: VertexId) {
+    fn put_beside(&mut self, p: Vec3A, weight: f32, home: VertexId) {
         if !self.vertices[home.index()].kind.is_border() {
             return;
         }
@@ -174,65 +439,50 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
                 }
             }
         }
-        self.beside.distance_sq_sum += f64::from(weight * distance_sq);
-        self.beside.weight += f64::from(weight);
+        self.sums.beside_sq += f64::from(weight * distance_sq);
+        self.sums.beside_weight += f64::from(weight);
     }
 
-    /// Adds a sample at the position of a final vertex, which holds the vertex in place.
+    /// Puts a sample at the position of a final vertex.
     #[inline(always)]
-    fn assign_to_home(&mut self, weight: f32, home: VertexId) {
-        if let Some(corner) = self.store.listed(home).first() {
-            self.loads[corner.face()].numbers_mut()[corner.k()] += weight;
-            self.weight += f64::from(weight);
+    fn place_at_home(&mut self, sample: InputSample, home: VertexId) {
+        if let Some(&at) = self.store.listed(home).first() {
+            self.sums.weight += f64::from(sample.weight);
+            self.to.put_at_vertex(sample, at);
         }
     }
 
-    /// Adds a sample to a face with these corners if its projection lies inside the face.
+    /// Puts a sample on a face with these corners if its projection lies inside the face. Returns true if so.
     #[inline(always)]
-    fn assign_to_face(
-        &mut self,
-        face: usize,
-        corners: [VertexId; 3],
-        p: Vec3A,
-        weight: f32,
-    ) -> Option<AssignedSample> {
+    fn place_on(&mut self, sample: InputSample, face: usize, corners: [VertexId; 3], p: Vec3A) -> bool {
         let [a, b, c] = corners.map(|w| in_register(self.vertices[w.index()].p));
-        let (q, first, second, normal) = (p - a, b - a, c - a, self.loads[face].normal());
+        let (q, first, second, normal) = (p - a, b - a, c - a, self.to.normal(face));
         let [area, v, w, height] = dots(normal, [first.cross(second), q.cross(second), first.cross(q), q]);
         let per_area = 1.0 / max(area, 1e-18);
         let (v, w) = (v * per_area, w * per_area);
         let u = 1.0 - v - w;
         if u < 0.0 || v < 0.0 || w < 0.0 {
-            return None;
+            return false;
         }
-        Some(self.add(face, f32x4::new([u, v, w, 0.0]), height, height * height, weight))
+        let b = f32x4::new([u, v, w, 0.0]);
+        self.put_on_face(sample, OnFace { face, b, height, distance_sq: height * height });
+        true
     }
 
     #[inline(always)]
-    fn add(&mut self, face: usize, b: f32x4, height: f32, distance_sq: f32, weight: f32) -> AssignedSample {
-        let height_sq = height * height;
-        self.height_sq_sum += f64::from(weight * height_sq);
-        self.weight += f64::from(weight);
-        let weight = weight * (self.robust_height_sq / (self.robust_height_sq + height_sq)).sqrt();
-        self.loads[face].add(b, weight, height, distance_sq);
-        let [u, v, w, _] = b.to_array();
-        AssignedSample { face, b: Vec3::new(u, v, w), weight }
+    fn put_on_face(&mut self, sample: InputSample, on: OnFace) {
+        self.sums.height_sq += f64::from(sample.weight * (on.height * on.height));
+        self.sums.weight += f64::from(sample.weight);
+        self.to.put_on_face(sample, on);
     }
 
-    /// Adds a sample to the nearest triangle that faces its way: in the star of its home or, if it lies
+    /// Puts a sample on the nearest triangle that faces its way: in the star of its home or, if it lies
     /// beyond the rim of that star, in the star of the nearer corner of the triangle found. (Beside an edge
     /// inside the star, the other triangle there has been checked too.)
     #[inline(always)]
-    fn assign(
-        &mut self,
-        p: Vec3A,
-        normal: (Vec3A, f32),
-        weight: f32,
-        home: VertexId,
-    ) -> Option<AssignedSample> {
+    fn place_near(&mut self, sample: InputSample, p: Vec3A, normal: (Vec3A, f32), home: VertexId) {
         let Some(mut best) = self.nearest(home, p, normal, f32::INFINITY) else {
-            self.add_beside(p, weight, home);
-            return None;
+            return self.put_beside(p, sample.weight, home);
         };
         if best.second + best.third > 1.0 {
             let (second, third) = self.store.others_at(best.corner);
@@ -242,16 +492,23 @@ impl<Q: VertexMemory> Sampler<'_, Q> {
             }
         }
         if best.lateral * best.lateral > MAX_LATERAL_SQ * best.height * best.height {
-            self.add_beside(p, weight, home);
-            return None;
+            return self.put_beside(p, sample.weight, home);
         }
         let (v, w) = (max(best.second, 0.0), max(best.third, 0.0));
         let scale = 1.0 / max(v + w, 1.0);
         let (v, w) = (v * scale, w * scale);
         let [first, second, third] = CORNER_UNITS[best.corner.k()];
         let b = first * (1.0 - v - w) + second * v + third * w;
-        Some(self.add(best.corner.face(), b, best.height, best.distance_sq, weight))
+        let (face, height, distance_sq) = (best.corner.face(), best.height, best.distance_sq);
+        self.put_on_face(sample, OnFace { face, b, height, distance_sq });
     }
+}
+
+/// Returns the home at which a face is looked up: if two corners were merged into one vertex, the face is more likely
+/// there.
+#[inline(always)]
+fn deciding(homes: &[VertexId; 3]) -> VertexId {
+    if homes[1] == homes[2] { homes[1] } else { homes[0] }
 }
 
 /// For each corner, the unit vectors that move three numbers (for that corner and the two after it) to their
@@ -268,18 +525,37 @@ fn is_same(s: &[VertexId; 3], t: &[VertexId; 3]) -> bool {
     (s[0].0 ^ t[0].0) | (s[1].0 ^ t[1].0) | (s[2].0 ^ t[2].0) == 0
 }
 
-/// Returns twice the total area of the faces at each vertex of the input.
+/// Twice the total area of the faces at a vertex of the original, and the first face that samples it.
+#[derive(Clone, Copy)]
+struct AreaAtVertex {
+    area: f32,
+    sampler: u32,
+}
+
+/// Returns the areas at the vertices of the original.
 #[inline(never)]
-fn vertex_areas(given: &mut impl OrderedInput) -> Vec<f32> {
-    let mut areas = vec![0.0f32; given.point_count()];
-    for i in 0..given.face_count() {
-        let t = given.face(i);
-        given.prefetch(i + PREFETCH_DISTANCE);
-        let [a, b, c] = given.positions(i, t).map(in_register);
-        let area = (b - a).cross(c - a).length();
-        t.iter().for_each(|w| areas[w.index()] += area);
-    }
-    areas
+fn areas_at_vertices(given: KeptInput<'_>, home: &[VertexId]) -> Vec<AreaAtVertex> {
+    let KeptInput { points, faces } = given;
+    let pieces = Pieces::of(faces, points.len());
+    let mut all = chunks::list(points.len(), |_| AreaAtVertex { area: 0.0, sampler: u32::MAX });
+    chunks::shared(&mut all, PIECE_LEN, |piece, all| {
+        let start = piece * PIECE_LEN;
+        pieces.each_face(piece, |i| {
+            let t = faces[i];
+            let [a, b, c] = t.map(|w| in_register(points[w.index()]));
+            let area = (b - a).cross(c - a).length();
+            let samples = deciding(&t.map(|w| home[w.index()])) != NONE;
+            for w in t {
+                if let Some(at) = all.get_mut(w.index().wrapping_sub(start)) {
+                    at.area += area;
+                    if samples {
+                        at.sampler = at.sampler.min(i as u32);
+                    }
+                }
+            }
+        });
+    });
+    all
 }
 
 #[cfg(test)]
@@ -299,23 +575,13 @@ mod tests {
         let mut store = Store::<Tensor>::new(&points, faces.to_vec(), None, None);
         store.link();
         let FaceData { loads, .. } = face_data(&store);
-        let (ready, normals) = (vec![CachedStar::NONE; 4], [Vec3A::Z, -Vec3A::Z, Vec3A::Y]);
-        let mut sampler = Sampler {
-            store: &store,
-            vertices: &store.v,
-            cache: ready,
-            loads,
-            robust_height_sq: 1.0,
-            height_sq_sum: 0.0,
-            weight: 0.0,
-            beside: Beside::default(),
-        };
+        let mut placer = Placer::new(&store, Stored { loads: &loads, bits: BITS_OF_PART, parts: Vec::new() });
         // Nearer to the lower side.
-        let sample = Vec3A::new(0.6, 0.1, -0.03);
-        let mut side =
-            |normal| sampler.assign(sample, (normal, 1.0), 1.0, VertexId(0)).map(|placed| placed.face);
-        assert_eq!(normals.map(&mut side), [Some(0), Some(1), None]);
-        let taken = |l: &FaceNormalEquations| l.numbers()[8..11].iter().sum::<f32>();
-        assert!(sampler.loads.iter().all(|l| taken(l) != 0.0), "each side has its sample");
+        let p = Vec3A::new(0.6, 0.1, -0.03);
+        for normal in [Vec3A::Z, -Vec3A::Z, Vec3A::Y] {
+            placer.place_near(InputSample { of: 0, weight: 1.0 }, p, (normal, 1.0), VertexId(0));
+        }
+        let sides = placer.to.parts.iter().flat_map(|(_, samples)| samples).map(|sample| sample.at.face());
+        assert_eq!(sides.collect::<Vec<_>>(), [0, 1], "each side has its sample, and none has the third");
     }
 }

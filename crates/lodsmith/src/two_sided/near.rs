@@ -8,6 +8,7 @@ use lodsmith_core::mesh::weld::weld_within;
 use lodsmith_core::{DisjointSets, Surface, VertexId};
 
 use super::pairs::{self, FacePair, edges};
+use crate::chunks;
 use crate::collapse::order::{NONE, Ordered, order};
 use crate::pipeline::borders::MIN_EDGE_RATIO;
 
@@ -99,18 +100,25 @@ pub(super) fn joined<'a>(
 /// For each point, the first point close to it, found only among points next to each other in the order;
 /// `None` if no points are close.
 fn first_near(points: &[Vec3], gap: f32) -> Option<Vec<VertexId>> {
-    let mut near: Vec<VertexId> = Vec::new();
-    for i in 0..points.len() {
-        for j in i + 1..points.len().min(i + 1 + NEXT_POINTS) {
-            if points[i].distance_squared(points[j]) <= gap * gap {
-                if near.is_empty() {
-                    near = (0..points.len()).map(VertexId::new).collect();
+    let near_pairs = chunks::map(points.len(), |range| {
+        let mut found = Vec::new();
+        for i in range {
+            for j in i + 1..points.len().min(i + 1 + NEXT_POINTS) {
+                if points[i].distance_squared(points[j]) <= gap * gap {
+                    found.push((i, j));
                 }
-                near[j] = near[i];
             }
         }
+        found
+    });
+    if near_pairs.iter().all(Vec::is_empty) {
+        return None;
     }
-    (!near.is_empty()).then_some(near)
+    let mut near: Vec<VertexId> = (0..points.len()).map(VertexId::new).collect();
+    for (i, j) in near_pairs.into_iter().flatten() {
+        near[j] = near[i];
+    }
+    Some(near)
 }
 
 /// True if a face may lie on faces of another part when close points count as one: another part shares two of

@@ -7,6 +7,7 @@ use std::ops::Range;
 use glam::Vec3;
 use lodsmith_core::{Surface, VertexId};
 
+use crate::chunks;
 use crate::collapse::order::Ordered;
 
 /// Faces with a back: a triangle, or two triangles that make a quad whose back is cut along the other diagonal.
@@ -171,14 +172,25 @@ pub(super) fn may_have_sheets(surface: &Surface<'_>) -> bool {
 
 /// True if any faces lie on each other with opposite windings. Cost: O(F), in the order of the faces.
 fn has_sheets(faces: &[[VertexId; 3]]) -> bool {
-    let mut any = false;
-    let mut group: Vec<GroupFace> = Vec::new();
-    each_group(faces, |range| {
-        group_faces(faces, range, &mut group);
-        any = has_opposite(&mut group) || each_closed_fan(&group, |_| true);
-        !any
+    // (A group belongs to the chunk of its first face.)
+    let start_of_group = |mut i: usize| {
+        while i > 0 && i < faces.len() && lowest(&faces[i]) == lowest(&faces[i - 1]) {
+            i += 1;
+        }
+        i
+    };
+    let found = chunks::map(faces.len(), |range| {
+        let own = &faces[start_of_group(range.start)..start_of_group(range.end)];
+        let mut any = false;
+        let mut group: Vec<GroupFace> = Vec::new();
+        each_group(own, |range| {
+            group_faces(own, range, &mut group);
+            any = has_opposite(&mut group) || each_closed_fan(&group, |_| true);
+            !any
+        });
+        any
     });
-    any
+    found.contains(&true)
 }
 
 /// Returns the pairs of an ordered input that still has its faces and points, if there are any. `may_pair`

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use lodsmith_core::VertexId;
 
+use crate::chunks;
 use crate::collapse::components;
 
 /// Largest mean distance between the sides, in the unit frame: about a millionth of the diagonal.
@@ -12,17 +13,35 @@ const MAX_GAP: f64 = 1.7e-6;
 const MAX_NET_AREA_SHARE: f64 = 1e-3;
 /// Smallest area, in squared gaps: smaller parts are detail of the size of the gap. (Guessed.)
 const MIN_AREA_GAPS: f64 = 1e6;
+/// Number of faces that are summed together.
+const FACES_TOGETHER: usize = 1 << 13;
 
 /// Counts the connected parts whose sides lie on each other: faces of opposite windings that enclose nothing. Cost: O(n).
 pub(super) fn count(points: &[Vec3], faces: &[[VertexId; 3]]) -> usize {
-    let part_of = components::labels(points.len(), faces);
+    let part_of = components::labels_of_ordered(points.len(), faces);
     let part = |t: &[VertexId; 3]| part_of[t[0].index()] as usize;
-    let mut sums: Vec<Sums> = Vec::new();
-    for t in faces {
-        if part(t) >= sums.len() {
-            sums.resize(part(t) + 1, Sums::default());
+    // A point of each part, so that small parts far from the origin lose no digits.
+    let mut origins: Vec<Vec3> = Vec::new();
+    for (&part, &p) in part_of.iter().zip(points) {
+        if part as usize == origins.len() {
+            origins.push(p);
         }
-        sums[part(t)].add(t.map(|v| points[v.index()]));
+    }
+    // Sums over faces of one part that follow each other.
+    let runs = chunks::each(faces.len().div_ceil(FACES_TOGETHER), |k| {
+        let faces = &faces[k * FACES_TOGETHER..faces.len().min((k + 1) * FACES_TOGETHER)];
+        let sums_of = |same: &[[VertexId; 3]]| {
+            let part = part(&same[0]);
+            let mut sums = Sums::default();
+            same.iter().for_each(|t| sums.add(t.map(|v| points[v.index()] - origins[part])));
+            (part, sums)
+        };
+        faces.chunk_by(|a, b| part(a) == part(b)).map(sums_of).collect::<Vec<_>>()
+    });
+    let mut sums = vec![Sums::default(); origins.len()];
+    for (part, run) in runs.into_iter().flatten() {
+        sums[part].area += run.area;
+        sums[part].volume += run.volume;
     }
     let is_thin: Vec<bool> = sums.iter().map(Sums::is_thin).collect();
     if !is_thin.contains(&true) {
@@ -44,8 +63,6 @@ pub(super) fn count(points: &[Vec3], faces: &[[VertexId; 3]]) -> usize {
 /// Sums over the faces of a part, with few operations for each.
 #[derive(Clone, Copy, Default)]
 struct Sums {
-    /// A point of the part, so that small parts far from the origin lose no digits.
-    origin: Option<Vec3>,
     /// Twice the area, or up to √3 times as much.
     area: f64,
     /// Six times the volume between the faces and the origin.
@@ -55,10 +72,9 @@ struct Sums {
 impl Sums {
     #[inline(always)]
     fn add(&mut self, [a, b, c]: [Vec3; 3]) {
-        let origin = *self.origin.get_or_insert(a);
         let normal = (b - a).cross(c - a);
         self.area += f64::from(normal.abs().element_sum());
-        self.volume += f64::from(normal.dot(a - origin));
+        self.volume += f64::from(normal.dot(a));
     }
     /// True if the sides are almost coincident, assuming two sides with half of the area each.
     fn is_thin(&self) -> bool {
