@@ -369,7 +369,8 @@ impl<M: Metric> Engine<M> {
     /// Makes one mesh of the blocks again, in the order that it had.
     pub(super) fn gather(&mut self, blocks: &Blocks<M>) {
         let living = blocks.live_vertices();
-        let (v, bound) = living.iter().map(|&at| blocks.vertex(at)).unzip();
+        let v = chunks::list(living.len(), |i| blocks.vertex(living[i]).0);
+        let bound = chunks::list(living.len(), |i| blocks.vertex(living[i]).1);
         let t = blocks.renumbered_faces(&living);
         self.mesh.store.put_elements(v, bound, t);
     }
@@ -409,6 +410,12 @@ impl<M: Metric> Blocks<M> {
     /// True if so few elements are live that the mesh should be cut anew.
     pub(super) fn is_sparse(&self, live_faces: usize) -> bool {
         live_faces * 100 < self.faces * MIN_LIVE_PERCENT
+    }
+
+    /// Returns the share of the live vertices that are not frozen.
+    pub(super) fn free_share(&self, live_vertices: usize) -> f64 {
+        let frozen: usize = self.all.iter().map(|block| block.frozen).sum();
+        1.0 - frozen as f64 / live_vertices.max(1) as f64
     }
 
     /// Sweeps all blocks with one threshold, each to at most its share of `needed` collapses. `area` is the mean of

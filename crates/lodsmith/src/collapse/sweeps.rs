@@ -369,7 +369,9 @@ impl<M: Metric> Engine<M> {
             }
             let Some(cut) = &mut blocks else { break };
             let collapses = self.tally.collapses;
-            (sweeps.productivity.at_threshold, sweeps.productivity.wanted) = (collapses, self.wanted(goal));
+            // (What is frozen blocks collapses here only.)
+            let wanted = self.wanted(goal) * cut.free_share(self.mesh.store.live_vertices);
+            (sweeps.productivity.at_threshold, sweeps.productivity.wanted) = (collapses, wanted);
             let area = (self.mesh.cost.total_area / live.max(1) as f64) as f32;
             cut.sweep(sweeps.tau, area, self.mesh.needed(goal));
             let left = cut.take_tally(&mut self.tally);
