@@ -42,12 +42,9 @@ struct AttributeSource<'a> {
     pub(super) corners: &'a [[WedgeId; 3]],
     /// The input wedge of each of these corners.
     pub(super) wedges: &'a [[WedgeId; 3]],
-    /// The shading of the new corners, if it has to be kept.
-    pub(super) shading: Option<Shading<'a>>,
+    /// Rows of values of the new corners, if these keep their shading.
+    pub(super) shading: Option<&'a [f32]>,
 }
-
-/// Values of the new corners, and the row of each corner.
-pub(crate) type Shading<'a> = (&'a Attributes, &'a [[WedgeId; 3]]);
 
 /// Attributes of the new surface.
 struct TransferredAttributes {
@@ -64,14 +61,15 @@ pub(crate) fn transfer_to_bare_mesh(input: &Input<'_>, mesh: &TriMesh) -> Result
 }
 
 /// Transfers the input's attributes to a mesh; `kept` has for each of its vertices the equal vertex of the
-/// ordered input, or [`NONE`]; the shading is kept if it is given. Also used for results whose seams were
-/// relaxed: a face across a seam would show the area between two pieces of the texture.
+/// ordered input, or [`NONE`]; `shading` has a row of values for each corner, if these keep their shading.
+/// Also used for results whose seams were relaxed: a face across a seam would show the area between two pieces
+/// of the texture.
 pub(crate) fn transfer_to_mesh(
     input: &Input<'_>,
     ordered: &Ordered,
     mesh: &TriMesh,
     kept: Vec<VertexId>,
-    shading: Option<Shading<'_>>,
+    shading: Option<&[f32]>,
 ) -> Result<TriMesh, SimplifyError> {
     let prepared = PreparedInput::of(input, ordered);
     let surface = mesh.surface();
@@ -94,7 +92,7 @@ pub(super) fn with_transferred_attributes(
     prepared: &PreparedInput,
     made: &RebuiltSurface,
     positions: Positions,
-    shading: Option<Shading<'_>>,
+    shading: Option<&[f32]>,
 ) -> Result<(TriMesh, HeldWedges), SimplifyError> {
     let place = |mesh: &TriMesh, w| ordered.rank[input.joined(mesh.vertex_of(w)).index()];
     let rows = |mesh: &TriMesh| Rows::new(mesh, |w| place(mesh, w));
@@ -164,9 +162,10 @@ fn transfer_attributes(
             };
             let at = patches.each_ref().map(|patch| patch.as_ref().map(point));
             own_held[k] = source.read_row(&at, kept, &is_shading, &mut row);
-            if let Some((own, wedges)) = source.shading {
+            if let Some(own) = source.shading {
+                let own = &own[(3 * i + k) * is_shading.len()..][..is_shading.len()];
                 for lane in (0..is_shading.len()).filter(|&lane| is_shading[lane]) {
-                    row.values[lane] = own.of(wedges[i][k])[lane];
+                    row.values[lane] = own[lane];
                 }
             }
             corners[i][k] = rows.find_or_add(v, &row);

@@ -120,7 +120,7 @@ impl Run<'_, '_> {
                 // A run that began anew was ended far above the goal.
                 outcome = RunOutcome { end: StopReason::Finish, ..before.clone() };
             }
-            outcomes.push(outcome);
+            outcomes.push(self.completed(outcome)?);
             if is_last {
                 break;
             }
@@ -129,7 +129,7 @@ impl Run<'_, '_> {
     }
 
     /// Sweeps a trunk to a level, from its start if there is none yet with these changes, and builds the
-    /// result.
+    /// result; its attributes are not complete.
     fn level<M: Metric>(
         &mut self,
         metric: M,
@@ -161,7 +161,7 @@ impl Run<'_, '_> {
             (branch, end)
         };
         let is_last = changes.parts || goal.is_none() || self.options.topology == TopologyPolicy::Preserve;
-        let outcome = self.finish(&mut branch, end, end == StopReason::Stuck && is_last, control)?;
+        let outcome = self.finish_shape(&mut branch, end, end == StopReason::Stuck && is_last, control)?;
         *trunk = Some(grown);
         Ok(outcome)
     }

@@ -71,6 +71,8 @@ pub(crate) struct EngineOutcome {
     /// True if vertices that were separated by a cut are at the same position, which only free topology allows.
     pub(super) has_touching_vertices: bool,
     pub(super) proposals: Vec<Proposal>,
+    /// What the attributes of the mesh lack until [`Run::completed`]; `None` if they are complete.
+    pub(super) missing: Option<MissingAttributes>,
     pub(super) trace: Option<Trace>,
 }
 
@@ -83,6 +85,19 @@ pub(super) struct KeptAtCost {
     pub(super) parts: bool,
     /// Necks blocked many collapses.
     pub(super) necks: bool,
+}
+
+/// Data of a finished engine for the attributes that depend on a look at the input.
+#[derive(Clone)]
+pub(super) struct MissingAttributes {
+    /// For each vertex of the result, the vertex of the ordered input whose position it had at the start.
+    pub(super) places: Vec<VertexId>,
+    /// True if seams moved: faces across them need values of the input.
+    pub(super) has_moved_seams: bool,
+    /// Rows of values at the corners, which keep their shading then, if the run blended values.
+    pub(super) blended: Option<Vec<f32>>,
+    /// True if the ordered input still has its points and faces.
+    pub(super) is_input_kept: bool,
 }
 
 /// Mapping between the vertices of the ordered input and of a result.

@@ -53,12 +53,12 @@ impl Run<'_, '_> {
         let is_short = self.is_relaxed(&goal) && lightest.end == StopReason::Stuck && !lightest.keeps_all();
         let has_other = is_short && near > lightest.mesh.face_count() + 1;
         if !has_other || !has_time_for(Stage::Prepare, control)? {
-            return Ok(lightest);
+            return self.completed(lightest);
         }
         // The target is out of reach: the last collapses may cost far too much.
         let nearly = Goal { faces: Some(near), vertices: None };
         let other = self.race(metric, &nearly, control)?;
-        self.choose_when_unreachable(lightest, other, control)
+        self.completed(self.choose_when_unreachable(lightest, other, control)?)
     }
 
     /// True if parts and handles are kept as long as a goal is reached with them.
@@ -67,7 +67,7 @@ impl Run<'_, '_> {
         has_alternatives && self.options.topology == TopologyPolicy::Relaxed
     }
 
-    /// Returns the best of the competing outcomes for a goal.
+    /// Returns the best of the competing outcomes for a goal; its attributes are not complete.
     fn race<M: Metric>(
         &mut self,
         metric: M,
@@ -93,7 +93,7 @@ impl Run<'_, '_> {
         if !is_relaxed || engine.tally.parts_removed == 0 || end == StopReason::Finish {
             let is_single = goal.is_none() || self.options.quick.is_some();
             let proposes = end == StopReason::Stuck && !is_relaxed && self.options.quick.is_none();
-            let first = self.finish(&mut trunk, end, proposes, control)?;
+            let first = self.finish_shape(&mut trunk, end, proposes, control)?;
             let has_rivals = match end {
                 StopReason::Stuck => true,
                 StopReason::Goal => first.has_rivals(),
@@ -155,7 +155,7 @@ impl Run<'_, '_> {
             }
         };
         let end = self.sweep(trunk, None, goal, control)?;
-        self.finish(trunk, end, end == StopReason::Stuck, control)
+        self.finish_shape(trunk, end, end == StopReason::Stuck, control)
     }
 }
 

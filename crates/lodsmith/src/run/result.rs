@@ -1,15 +1,21 @@
 //! The mesh of a finished engine: it has the positions and attributes of the input where they were kept.
+//! Attributes that depend on a look at the input are added to the chosen result only.
 
-use lodsmith_core::{Positions, PositionsView, TriMesh, WedgeId};
+use lodsmith_core::{Positions, PositionsView, TriMesh, VertexId, WedgeId};
 
-use super::context::Run;
+use super::context::{MissingAttributes, Run, RunOutcome};
+use super::start::Root;
 use crate::SimplifyError;
+use crate::attributes::recolor::{self, OwnParts};
 use crate::attributes::{Rows, with_input_attributes};
 use crate::collapse::attributes::Attributes;
 use crate::collapse::order::NONE;
+use crate::collapse::ordered_input::OriginalInput;
 use crate::collapse::store::Store;
+use crate::collapse::{Engine, components};
 use crate::constraints::{HeldWedges, LockedWedges};
-use crate::cost::metric::VertexMemory;
+use crate::cost::metric::{Metric, VertexMemory};
+use crate::methods::transfer::transfer_to_mesh;
 
 impl Run<'_, '_> {
     /// Returns the input wedges of locked vertices at the corners of the result.
@@ -85,5 +91,70 @@ impl Run<'_, '_> {
             (None, None) => {}
         }
         Ok(result)
+    }
+
+    /// Returns what the attributes of a result lack. The engine has values or wedges for all its corners; faces
+    /// across moved seams, and colours of palettes, need a look at the input, which takes longer than a run.
+    pub(super) fn missing_attributes<M: Metric>(
+        &self,
+        engine: &Engine<M>,
+        root: &Root,
+        held: &HeldWedges,
+    ) -> Option<MissingAttributes> {
+        let store = &engine.mesh.store;
+        let moved = store.wedges.as_ref().filter(|_| engine.mesh.has_relaxed_seams());
+        if moved.is_none() && self.input.data.textures.is_none() && held.is_empty() {
+            return None;
+        }
+        let blended = moved.zip(engine.mesh.values.attributes.as_ref()).map(|(wedges, attributes)| {
+            let width = root.rows.as_ref().map_or(0, Rows::width);
+            wedges.as_flattened().iter().flat_map(|&w| &attributes.of(w)[..width]).copied().collect()
+        });
+        Some(MissingAttributes {
+            places: store.v.iter().map(|x| store.place_of(x.origin)).collect(),
+            has_moved_seams: moved.is_some(),
+            blended,
+            is_input_kept: root.is_kept,
+        })
+    }
+
+    /// Adds the attributes that an outcome lacks.
+    pub(super) fn completed(&self, mut outcome: RunOutcome) -> Result<RunOutcome, SimplifyError> {
+        let Some(missing) = outcome.engine.missing.take() else { return Ok(outcome) };
+        if missing.has_moved_seams {
+            // A run that blends values keeps its own shading; a run that matches wedges has vertices of the
+            // input.
+            let kept = match missing.blended {
+                Some(_) => vec![NONE; outcome.mesh.vertex_count()],
+                None => missing.places.clone(),
+            };
+            let shading = missing.blended.as_deref();
+            outcome.mesh = transfer_to_mesh(self.input, self.ordered, &outcome.mesh, kept, shading)?;
+        }
+        let is_plain = outcome.tally.pairs_contracted == 0;
+        let own_parts = is_plain.then(|| self.own_parts(&missing)).flatten();
+        outcome.mesh = recolor::recolored(outcome.mesh, self.input, &outcome.held, own_parts.as_ref())?;
+        if let Some(input) = self.input.mesh {
+            outcome.held.restore(&mut outcome.mesh, input);
+        }
+        Ok(outcome)
+    }
+
+    /// Returns the part of the input that each vertex of the input and of the result belongs to, if colours
+    /// are needed. No pairs were contracted. Cost: O(n).
+    fn own_parts(&self, missing: &MissingAttributes) -> Option<OwnParts> {
+        let mesh = self.input.mesh.filter(|_| self.input.data.textures.is_some())?;
+        let source = self.input_in_order(missing.is_input_kept);
+        let of = source.visit(|points, faces| components::labels(points.len(), faces));
+        let of_place = |place: VertexId| of.get(place.index()).copied();
+        let of_vertex = |v: VertexId| of_place(self.ordered.rank[self.input.joined(v).index()]);
+        let of_input = (0..mesh.vertex_count()).map(|v| of_vertex(VertexId::new(v))).collect();
+        let of_result = missing.places.iter().map(|&place| of_place(place)).collect();
+        Some(OwnParts { of_input, of_result })
+    }
+
+    /// Returns the input of the run; `is_kept` is true if the ordered input still has its points and faces.
+    pub(super) fn input_in_order(&self, is_kept: bool) -> OriginalInput<'_> {
+        OriginalInput { surface: &self.input.surface, ordered: self.ordered, is_kept }
     }
 }

@@ -11,22 +11,17 @@ use super::context::{EngineOutcome, KeptAtCost, RelaxedRules, Run, RunOutcome, T
 use super::start::{Root, pairs_reach};
 use crate::SimplifyError;
 use crate::attributes::normals::{self, Homes};
-use crate::attributes::recolor::{self, OwnParts};
-use crate::collapse::components;
 use crate::collapse::cut::may_cut;
 use crate::collapse::kind::Kind;
 use crate::collapse::order::NONE;
 use crate::collapse::ordered_input::{KeptInput, OriginalInput};
 use crate::collapse::snapshot::Snapshot;
 use crate::collapse::store::Store;
-use crate::collapse::vertex::Vertex;
 use crate::collapse::{Engine, Goal, LiveMesh, Pause, StopReason, Sweeps};
-use crate::constraints::HeldWedges;
 use crate::control::{Control, Stage, Verdict};
 use crate::cost::guard::Rules;
 use crate::cost::metric::{Metric, VertexMemory};
 use crate::fit::{self, MoveGuards};
-use crate::methods::transfer::transfer_to_mesh;
 use crate::options::TopologyPolicy;
 
 /// Maximum number of faces of removed parts whose distance to the result is measured. (Guessed: the RMS is
@@ -109,12 +104,24 @@ impl Run<'_, '_> {
     }
 
     pub(super) fn source(&self, root: &Root) -> OriginalInput<'_> {
-        OriginalInput { surface: &self.input.surface, ordered: self.ordered, is_kept: root.is_kept }
+        self.input_in_order(root.is_kept)
     }
 
     /// Builds the result of a trunk that was swept to its end, which cannot be swept further afterwards: computes proposals
     /// if requested, and fits.
     pub(super) fn finish<M: Metric>(
+        &self,
+        trunk: &mut Trunk<M>,
+        end: StopReason,
+        proposes: bool,
+        control: &mut dyn Control,
+    ) -> Result<RunOutcome, SimplifyError> {
+        self.completed(self.finish_shape(trunk, end, proposes, control)?)
+    }
+
+    /// [`Self::finish`], but attributes that depend on a look at the input are left to [`Run::completed`]: a
+    /// comparison of results does not need them.
+    pub(super) fn finish_shape<M: Metric>(
         &self,
         trunk: &mut Trunk<M>,
         end: StopReason,
@@ -156,7 +163,9 @@ impl Run<'_, '_> {
             let away = engine.estimate(None, None);
             fitted = Some(self.fit(&mut engine.mesh, root, home, away));
         }
-        let (mesh, held) = self.finished_mesh(engine, root, home.as_deref())?;
+        let mesh = self.finished_mesh(engine, root, home.as_deref())?;
+        let held = self.held(&engine.mesh.store, root.rows.as_ref());
+        let missing = self.missing_attributes(engine, root, &held);
         let removed = (engine.tally.parts_removed > 0).then(|| {
             let homes = home.unwrap_or_else(|| engine.mesh.store.homes());
             self.removed_distance_sq(&mesh, root, &homes)
@@ -186,6 +195,7 @@ impl Run<'_, '_> {
                 is_unproductive: engine.is_unproductive(),
                 has_touching_vertices,
                 proposals,
+                missing,
                 trace: trace.filter(|t| t.origins.len() == engine.mesh.store.v.len()),
             },
         })
@@ -211,14 +221,14 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Builds the mesh of a fitted engine, and the locked wedges at its corners. `home` has the vertex that
-    /// each vertex of the ordered input became, if normals are to be repaired.
+    /// Builds the mesh of a fitted engine. `home` has the vertex that each vertex of the ordered input became,
+    /// if normals are to be repaired.
     fn finished_mesh<M: Metric>(
         &self,
         engine: &mut Engine<M>,
         root: &Root,
         home: Option<&[VertexId]>,
-    ) -> Result<(TriMesh, HeldWedges), SimplifyError> {
+    ) -> Result<TriMesh, SimplifyError> {
         if engine.tally.necks_cut > 0 && self.options.topology == TopologyPolicy::Relaxed {
             engine.mesh.separate_touching();
         }
@@ -230,43 +240,7 @@ impl Run<'_, '_> {
             let homes = Homes { place: |w| self.place(input, w), home };
             normals::repair(&mut engine.mesh.store, attributes, rows, input, &homes);
         }
-        let mut mesh = self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)?;
-        if let (true, Some(wedges)) = (engine.mesh.has_relaxed_seams(), &engine.mesh.store.wedges) {
-            // A run that blends values keeps its own shading; a run that matches wedges has vertices of the
-            // input.
-            let shading = engine.mesh.values.attributes.as_ref().map(|attributes| (attributes, &wedges[..]));
-            let kept = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
-            let kept = match shading {
-                Some(_) => vec![NONE; mesh.vertex_count()],
-                None => engine.mesh.store.v.iter().map(kept).collect(),
-            };
-            mesh = transfer_to_mesh(self.input, self.ordered, &mesh, kept, shading)?;
-        }
-        let held = self.held(&engine.mesh.store, rows);
-        let own_parts = self.own_parts(engine, root);
-        mesh = recolor::recolored(mesh, self.input, &held, own_parts.as_ref())?;
-        if let Some(input) = self.input.mesh {
-            held.restore(&mut mesh, input);
-        }
-        Ok((mesh, held))
-    }
-
-    /// Returns the part of the input that each vertex of the input and of the result belongs to, if colours
-    /// are needed and no pairs were contracted. Cost: O(n).
-    fn own_parts<M: Metric>(&self, engine: &Engine<M>, root: &Root) -> Option<OwnParts> {
-        let mesh = self
-            .input
-            .mesh
-            .filter(|_| self.input.data.textures.is_some() && engine.tally.pairs_contracted == 0)?;
-        let of = self.source(root).visit(|points, faces| components::labels(points.len(), faces));
-        let of_vertex = |v: VertexId| {
-            let place = self.ordered.rank[self.input.joined(v).index()];
-            of.get(place.index()).copied()
-        };
-        let of_input = (0..mesh.vertex_count()).map(|v| of_vertex(VertexId::new(v))).collect();
-        let place_of = |v: &Vertex<M::Memory>| engine.mesh.store.place_of(v.origin);
-        let of_result = engine.mesh.store.v.iter().map(|v| of.get(place_of(v).index()).copied()).collect();
-        Some(OwnParts { of_input, of_result })
+        self.result(&engine.mesh.store, engine.mesh.values.attributes.as_ref(), rows)
     }
 
     /// Runs the fit, including values if the run has any. Returns the remaining RMS distance, in the unit
