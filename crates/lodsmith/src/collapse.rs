@@ -221,6 +221,8 @@ pub(crate) struct Tally {
     highest_threshold: f32,
     /// True if a sweep collapsed anything after sweeps became unproductive.
     is_unproductive: bool,
+    /// Collapses and refusals as long as sweeps were productive.
+    while_productive: (u64, [u64; Refusal::ALL.len()]),
     /// Number of faces before the first sweep.
     first_faces: usize,
     /// Remaining work budget at hubs.
@@ -236,6 +238,13 @@ impl Tally {
     /// True if a collapse was refused for this reason.
     pub(crate) fn has_refused(&self, why: Refusal) -> bool {
         self.refusals[why as usize] > 0
+    }
+
+    /// Collapses refused for a reason, relative to the collapses done, both since sweeps became unproductive.
+    fn refused_since(&self, why: Refusal) -> f64 {
+        let (collapses, refusals) = &self.while_productive;
+        let refused = self.refusals[why as usize] - refusals[why as usize];
+        refused as f64 / (self.collapses - collapses).max(1) as f64
     }
 
     /// Adds the collapses of a block.
@@ -363,13 +372,6 @@ impl<M: Metric> Engine<M> {
     /// True if a sweep collapsed anything after sweeps became unproductive.
     pub(crate) fn is_unproductive(&self) -> bool {
         self.tally.is_unproductive
-    }
-
-    /// True if a run that kept seams on their lines became expensive, and seams refused collapses.
-    pub(crate) fn has_blocking_seams(&self) -> bool {
-        self.tally.is_unproductive
-            && !self.mesh.has_relaxed_seams()
-            && self.tally.refusals[Refusal::Seam as usize] > 0
     }
 }
 

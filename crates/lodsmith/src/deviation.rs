@@ -302,19 +302,16 @@ impl InputComparer {
         self.sampled(mesh, self.samples, control)
     }
 
-    /// Returns the two-way RMS distance of a result, by this many samples in each direction: infinite if it has no
-    /// face, `None` if the caller ends the run.
+    /// Returns the two-way RMS distance of a result, by this many samples in each direction; `None` if the caller
+    /// ends the run.
     pub(crate) fn rms(
         &self,
-        mesh: &TriMesh,
+        PreparedResult(made): &PreparedResult,
         samples: usize,
         control: &mut dyn Control,
     ) -> Result<Option<EstimatedRms>, SimplifyError> {
-        let Some(PreparedResult(made)) = PreparedResult::new(mesh) else {
-            return Ok(Some(EstimatedRms { rms: f64::INFINITY, relative_deviation: 0.0 }));
-        };
         let options = self.sampling(samples);
-        while_wanted(control, |is_over| rms_prepared_until(&self.reference, &made, &options, is_over))
+        while_wanted(control, |is_over| rms_prepared_until(&self.reference, made, &options, is_over))
     }
 
     /// Measures a result by this many samples in each direction; `None` if it has no face, or the caller ends the

@@ -96,10 +96,13 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Updates whether the last sweeps did as many collapses as they would without obstacles.
-    pub(super) fn update_productivity(&self, productivity: &mut Productivity, has_swept: bool) {
+    pub(super) fn update_productivity(&mut self, productivity: &mut Productivity, has_swept: bool) {
         if has_swept && productivity.wanted * MIN_SWEEP_DIVISOR >= self.mesh.store.live_vertices as f64 {
             let done = (self.tally.collapses - productivity.at_threshold) as f64;
             productivity.is_high &= done >= MIN_PRODUCTIVE_SHARE * productivity.wanted;
+        }
+        if productivity.is_high {
+            self.tally.while_productive = (self.tally.collapses, self.tally.refusals);
         }
     }
 

@@ -96,8 +96,10 @@ impl Run<'_, '_> {
                 without_touching(changes, |changes| run.level(metric, trunk, (i, goals), changes, control))
             };
             let mut outcome = level(self, &mut trunk, &mut changes)?;
-            let is_short =
-                outcome.tally.parts_removed > 0 || outcome.end == StopReason::Stuck || outcome.has_rivals();
+            let is_short = outcome.tally.parts_removed > 0
+                || outcome.end == StopReason::Stuck
+                || outcome.relaxed.seams
+                || outcome.topology_blocks();
             if is_relaxed && !changes.parts && is_short && outcome.end != StopReason::Finish {
                 // Parts and handles block collapses: start a trunk in which they are removed in order of
                 // cost.

@@ -5,12 +5,14 @@
 //! results are measured. Only this module chooses between results of one run.
 
 use lodsmith_core::TriMesh;
+use lodsmith_core::measure::EstimatedRms;
 
 use super::context::{Run, RunOutcome};
 use crate::SimplifyError;
 use crate::collapse::StopReason;
 use crate::control::{Control, Stage, has_time_for};
-use crate::deviation::InputComparer;
+use crate::deviation::{InputComparer, PreparedResult};
+use crate::report::Refusal;
 
 /// Numbers of samples in each direction: more are drawn while the best result is not clear.
 const COMPARISON_SAMPLES: [usize; 3] = [2_000, 8_000, 20_000];
@@ -30,15 +32,15 @@ const PRODUCTIVE_RESULT_FACTOR: f64 = 1.5;
 const UNREACHABLE_FACTOR: f64 = 3.0;
 
 impl RunOutcome {
-    /// True if another run to the target may be closer to the input: seams gave way, or stayed at a cost, or
-    /// cheap parts or necks were kept.
-    pub(super) fn has_rivals(&self) -> bool {
-        self.seams_block() || self.engine.kept.parts || self.engine.kept.necks
+    /// True if a run that removes parts and cuts necks may be closer to the input: cheap ones were kept.
+    pub(super) fn topology_blocks(&self) -> bool {
+        self.engine.kept.parts || self.engine.kept.necks
     }
 
-    /// True if seams gave way, or stayed on their lines at a cost.
+    /// True if a run whose seams move may be closer to the input: seams refused collapses until they gave way, or
+    /// stayed on their lines at a cost.
     pub(super) fn seams_block(&self) -> bool {
-        self.relaxed.seams || self.engine.kept.seams
+        self.relaxed.seams && self.tally.has_refused(Refusal::Seam) || self.engine.kept.seams
     }
 
     /// True if no seams gave way, and no parts or necks were removed.
@@ -129,10 +131,16 @@ fn closest_of(
     control: &mut dyn Control,
 ) -> Result<Option<usize>, SimplifyError> {
     let mut first = 0;
+    let results: Vec<_> = meshes.iter().map(|mesh| PreparedResult::new(mesh)).collect();
     for samples in COMPARISON_SAMPLES {
         let (mut distances, mut deviations) = (Vec::new(), Vec::new());
-        for (mesh, favour) in meshes.iter().zip(favours) {
-            let Some(found) = comparer.rms(mesh, samples, control)? else { return Ok(None) };
+        for (result, favour) in results.iter().zip(favours) {
+            // A mesh without a face is infinitely far.
+            let found = match result {
+                Some(result) => comparer.rms(result, samples, control)?,
+                None => Some(EstimatedRms { rms: f64::INFINITY, relative_deviation: 0.0 }),
+            };
+            let Some(found) = found else { return Ok(None) };
             distances.push(found.rms / favour);
             deviations.push(found.relative_deviation);
         }

@@ -5,7 +5,8 @@
 //! first    none; with topology `free` removal       always; with topology `relaxed` only if it removed no parts
 //! removal  parts are removed, and necks are cut     topology is `relaxed`; the target is out of reach, or parts or necks
 //!                                                   were kept at a cost
-//! seams    those of the run before, and seams move  seams gave way in a run before, or stayed on their lines at a cost
+//! seams    those of removal, if it competes or       seams refused collapses in a run before, until they gave way or
+//!          there are several parts; and seams move  at a high cost
 //! ```
 //!
 //! With topology `relaxed`, a snapshot is taken when parts or handles start to block the first run, and the
@@ -21,6 +22,7 @@ use crate::collapse::{Goal, Pause, StopReason};
 use crate::control::{Control, Stage, has_time_for};
 use crate::cost::metric::Metric;
 use crate::options::TopologyPolicy;
+use crate::report::Refusal;
 
 /// Faces of an alternative result, relative to the lightest one, if the target is out of reach. (A level of
 /// 1,194 parts that ends at 6,249 faces is 2.0 % off there, and .2 % off with 15 % more faces.)
@@ -85,18 +87,16 @@ impl Run<'_, '_> {
             is_relaxed && ended.is_none() && !trunk.engine.is_past_blocking(may_cut(self.options));
         let snapshot = if may_snapshot { trunk.snapshot() } else { None };
         let end = self.sweep(&mut trunk, ended, goal, control)?;
-        let engine = &mut trunk.engine;
-        let seams_block = engine.mesh.has_relaxed_seams() || engine.has_blocking_seams();
-        let has_several_parts = is_relaxed && engine.mesh.part_count() > 1;
+        let seams_refuse = trunk.engine.tally.has_refused(Refusal::Seam);
         let mut outcomes = Vec::new();
         // A run that was to keep parts, and removed some because nothing else was left, is no candidate.
-        if !is_relaxed || engine.tally.parts_removed == 0 || end == StopReason::Finish {
+        if !is_relaxed || trunk.engine.tally.parts_removed == 0 || end == StopReason::Finish {
             let is_single = goal.is_none() || self.options.quick.is_some();
             let proposes = end == StopReason::Stuck && !is_relaxed && self.options.quick.is_none();
             let first = self.finish_shape(&mut trunk, end, proposes, control)?;
             let has_rivals = match end {
                 StopReason::Stuck => true,
-                StopReason::Goal => first.has_rivals(),
+                StopReason::Goal => first.seams_block() || first.topology_blocks(),
                 StopReason::Exhausted => !is_relaxed,
                 StopReason::Finish | StopReason::Cancel => false,
             };
@@ -105,13 +105,19 @@ impl Run<'_, '_> {
             }
             outcomes.push(first);
         }
+        let has_several_parts = is_relaxed && trunk.engine.mesh.part_count() > 1;
         // Without a snapshot, the memory is freed because it is needed.
         let mut from = snapshot.map(|snapshot| (snapshot, trunk));
-        // Parts and necks may block collapses: remove and cut them in order of cost.
-        let needs_removal =
-            |first: &RunOutcome| end == StopReason::Stuck || has_several_parts || first.engine.kept.necks;
-        if is_relaxed && outcomes.iter().all(needs_removal) {
+        let first = outcomes.first();
+        let seams_block = first.map_or(seams_refuse, RunOutcome::seams_block);
+        // Parts and necks may block collapses: remove and cut them in order of cost. If only seams block them, only
+        // the run whose seams move does that.
+        let is_blocked = first.is_none_or(|first| end == StopReason::Stuck || first.topology_blocks());
+        let removes = is_relaxed && (is_blocked || has_several_parts);
+        if removes {
             changes = TopologyChanges::removal(self.options);
+        }
+        if removes && is_blocked {
             let run = |changes| self.run_with_changes(metric, goal, changes, &mut from, control);
             outcomes.push(without_touching(&mut changes, run)?);
         }
@@ -161,7 +167,9 @@ impl Run<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use lodsmith_core::{Positions, TriMesh, VertexId, shapes};
+    use std::collections::HashMap;
+
+    use lodsmith_core::{Positions, TriMesh, VertexId, WedgeId, shapes};
 
     use super::*;
     use crate::constraints::Constraints;
@@ -194,6 +202,47 @@ mod tests {
         let mut mesh = TriMesh::new(Positions::F64(positions), triangles).unwrap();
         mesh.set_colors(Some(colors)).unwrap();
         mesh
+    }
+
+    /// Two blobs whose texture has a chart for each cell of a grid of this size.
+    fn blobs_with_charts(cells: f64) -> TriMesh {
+        let blob = shapes::blob(4, 1);
+        let points: Vec<[f64; 3]> = blob.positions().view().iter().collect();
+        let (mut positions, mut vertex_of, mut triangles, mut uvs) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for x in [0.0, 4.0] {
+            let first = positions.len() as u32;
+            positions.extend(points.iter().map(|p| [p[0] + x, p[1], p[2]]));
+            let mut wedges = HashMap::new();
+            for t in blob.surface().triangles() {
+                let chart = (points[t[0].index()][2] * cells).floor() as i32;
+                triangles.push(t.map(|v| {
+                    *wedges.entry((v, chart)).or_insert_with(|| {
+                        vertex_of.push(VertexId(v.0 + first));
+                        let [u, v, _] = points[v.index()].map(|x| x as f32);
+                        uvs.push([u + 10.0 * chart as f32, v]);
+                        WedgeId::new(uvs.len() - 1)
+                    })
+                }));
+            }
+        }
+        let mut mesh = TriMesh::with_wedges(Positions::F64(positions), vertex_of, triangles).unwrap();
+        mesh.set_uvs(Some(uvs)).unwrap();
+        mesh
+    }
+
+    /// Counts the starts of sweeps and of comparisons.
+    #[derive(Default)]
+    struct StageCount {
+        sweeps: usize,
+        comparisons: usize,
+    }
+
+    impl Control for StageCount {
+        fn stage(&mut self, stage: Stage) {
+            self.sweeps += usize::from(stage == Stage::Collapse);
+            self.comparisons += usize::from(stage == Stage::Measure);
+        }
     }
 
     /// Returns a trunk paused before parts and handles must be removed, if it pauses.
@@ -246,6 +295,40 @@ mod tests {
                 assert!(done.mesh == plain.mesh);
             });
         }
+    }
+
+    #[test]
+    fn only_runs_that_may_be_closer_compete() {
+        // Wide charts refuse 36 collapses of 2,400. Narrow ones refuse 299 of 2,300, so that moved seams may be closer;
+        // parts are as large as the model, so their removal is not tried.
+        for (cells, faces, sweeps) in [(2.0, 300, 1), (6.0, 500, 2)] {
+            with_run(&blobs_with_charts(cells), faces, &mut |run| {
+                let (goal, mut stages) = (run.goal, StageCount::default());
+                let done = run.one_pass(Memoryless, goal, &mut stages).unwrap();
+                assert!(done.engine.is_unproductive && done.tally.has_refused(Refusal::Seam));
+                assert_eq!((done.end, stages.sweeps), (StopReason::Goal, sweeps));
+                assert_eq!(stages.comparisons > 0, sweeps > 1);
+            });
+        }
+    }
+
+    #[test]
+    fn attributes_are_completed_for_the_chosen_outcome() {
+        with_run(&blobs_with_charts(8.0), 200, &mut |run| {
+            let (goal, changes) = (run.goal, TopologyChanges { seams: true, ..TopologyChanges::default() });
+            let mut trunk = run.begin(Memoryless, changes, (&[], 0), &mut NoControl);
+            let end = run.sweep(&mut trunk, None, &goal, &mut NoControl).unwrap();
+            let shape = run.finish_shape(&mut trunk, end, false, &mut NoControl).unwrap();
+            assert!(shape.engine.missing.is_some());
+            let whole = run.completed(shape.clone()).unwrap();
+            assert!(whole.engine.missing.is_none());
+            // The texture coordinates are now those of the input under each face.
+            assert!(whole.mesh.uvs() != shape.mesh.uvs());
+            assert_eq!(whole.mesh.surface().triangles(), shape.mesh.surface().triangles());
+            assert!(whole.mesh.positions() == shape.mesh.positions());
+            // A pass returns a complete outcome.
+            assert!(run.one_pass(Memoryless, goal, &mut NoControl).unwrap().engine.missing.is_none());
+        });
     }
 
     #[test]
