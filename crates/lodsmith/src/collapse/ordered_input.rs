@@ -2,12 +2,13 @@
 //! parts, and for the fit. Depending on the number of faces, an ordered copy of the input is kept, made again
 //! each time, or looked up face by face.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::Vec3;
-use lodsmith_core::{PositionsView, Surface, VertexId};
-use prefetch_index::prefetch_index;
+use lodsmith_core::{Surface, VertexId};
 
+use crate::chunks;
 use crate::collapse::order::{Ordered, TIME_OVER_MEMORY_MAX_FACES, single_unit};
 
 /// Inputs with no more faces than this keep an ordered copy of themselves; larger ones are ordered again for
@@ -15,9 +16,6 @@ use crate::collapse::order::{Ordered, TIME_OVER_MEMORY_MAX_FACES, single_unit};
 pub(crate) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 /// If at least the input divided by this remains, the fit needs more memory than the sweeps.
 const SHRINK_DIVISOR: usize = 3;
-/// Number of faces per block. (Guessed: 24 bytes each, so that they stay in the nearest cache.)
-const FACES_PER_BLOCK: usize = 256;
-
 /// The input of a run, and its order.
 pub(crate) struct OriginalInput<'a> {
     pub(crate) surface: &'a Surface<'a>,
@@ -37,11 +35,13 @@ impl<'a> OriginalInput<'a> {
     }
 
     /// Returns access to positions one by one, if the input is too large for a copy in addition to a result
-    /// of `faces` faces: it takes 14 bytes less per face, but a sixth more time if the file is unordered.
+    /// of `faces` faces: it takes 14 bytes less per face, but a sixth more time if the file is unordered. (Not in
+    /// modules of WebAssembly, whose code it would make larger.)
     pub(crate) fn looked_up(&self, faces: usize) -> Option<RemadeInput<'a>> {
         let given = self.surface.triangles().len();
         let is_large = given > TIME_OVER_MEMORY_MAX_FACES && SHRINK_DIVISOR * faces >= given;
-        (!self.is_kept && is_large).then(|| RemadeInput::new(self.ordered, self.surface))
+        (chunks::HAS_THREADS && !self.is_kept && is_large)
+            .then(|| RemadeInput::new(self.ordered, self.surface))
     }
 }
 
@@ -49,8 +49,8 @@ impl<'a> OriginalInput<'a> {
 pub(crate) trait OrderedInput: Sync {
     fn point_count(&self) -> usize;
     fn face_count(&self) -> usize;
-    /// Returns access to the faces in ascending order, from any of them on.
-    fn in_order(&self) -> impl FacesInOrder;
+    /// Returns some faces in order, with the positions of one in every `stride` (by its number among all).
+    fn faces(&self, range: Range<usize>, stride: usize) -> FacesInOrder<'_>;
     /// Returns all points and faces, if they are kept in memory.
     fn kept(&self) -> Option<KeptInput<'_>>;
     /// Switches from faces in order to random access: from now on, single positions and all faces are read.
@@ -62,14 +62,29 @@ pub(crate) trait OrderedInput: Sync {
     fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3]));
 }
 
-/// Faces of the ordered input, read in ascending order.
-pub(crate) trait FacesInOrder {
-    /// Returns the vertices of a face.
-    fn face(&mut self, face: usize) -> [VertexId; 3];
+/// Faces of the ordered input that follow each other.
+pub(crate) struct FacesInOrder<'a> {
+    /// Number of the first.
+    first: usize,
+    faces: Cow<'a, [[VertexId; 3]]>,
+    /// All points, or the positions of the faces' vertices.
+    points: &'a [Vec3],
+    corners: Vec<[Vec3; 3]>,
+}
+
+impl FacesInOrder<'_> {
+    /// Returns each face with its number.
+    pub(crate) fn numbered(&self) -> impl Iterator<Item = (usize, [VertexId; 3])> {
+        (self.first..).zip(self.faces.iter().copied())
+    }
     /// Returns the positions of a face's vertices, in the unit frame.
-    fn positions(&mut self, face: usize, t: [VertexId; 3]) -> [Vec3; 3];
-    /// Prefetches the positions of a face that will be read soon.
-    fn prefetch(&self, face: usize);
+    #[inline(always)]
+    pub(crate) fn positions(&self, face: usize, t: [VertexId; 3]) -> [Vec3; 3] {
+        match self.corners.get(face - self.first) {
+            Some(corners) => *corners,
+            None => t.map(|w| self.points[w.index()]),
+        }
+    }
 }
 
 /// The ordered input, kept in memory.
@@ -86,8 +101,9 @@ impl OrderedInput for KeptInput<'_> {
     fn face_count(&self) -> usize {
         self.faces.len()
     }
-    fn in_order(&self) -> impl FacesInOrder {
-        *self
+    fn faces(&self, range: Range<usize>, _: usize) -> FacesInOrder<'_> {
+        let (first, faces) = (range.start, Cow::Borrowed(&self.faces[range]));
+        FacesInOrder { first, faces, points: self.points, corners: Vec::new() }
     }
     fn kept(&self) -> Option<KeptInput<'_>> {
         Some(*self)
@@ -104,19 +120,6 @@ impl OrderedInput for KeptInput<'_> {
     fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3])) {
         self.faces[range].iter().copied().for_each(visit);
     }
-}
-
-impl FacesInOrder for KeptInput<'_> {
-    #[inline(always)]
-    fn face(&mut self, face: usize) -> [VertexId; 3] {
-        self.faces[face]
-    }
-    #[inline(always)]
-    fn positions(&mut self, _: usize, t: [VertexId; 3]) -> [Vec3; 3] {
-        t.map(|w| self.points[w.index()])
-    }
-    #[inline(always)]
-    fn prefetch(&self, _: usize) {}
 }
 
 /// The ordered input, computed from the original surface on access, bit for bit the same.
@@ -146,8 +149,17 @@ impl OrderedInput for RemadeInput<'_> {
     fn face_count(&self) -> usize {
         self.faces.len()
     }
-    fn in_order(&self) -> impl FacesInOrder {
-        RemadeFaces { input: self, from: 0, there: Vec::new(), here: Vec::new() }
+    fn faces(&self, range: Range<usize>, stride: usize) -> FacesInOrder<'_> {
+        let triangles = self.surface.triangles();
+        let there: Vec<[VertexId; 3]> =
+            self.faces[range.clone()].iter().map(|&i| triangles[i as usize]).collect();
+        let here = there.iter().map(|t| t.map(|v| self.ordered.rank[v.index()])).collect();
+        let corners = |(i, t): (usize, &[VertexId; 3])| match i.is_multiple_of(stride) {
+            true => t.map(|v| self.place_there(v)),
+            false => [Vec3::ZERO; 3],
+        };
+        let corners = range.clone().zip(&there).map(corners).collect();
+        FacesInOrder { first: range.start, faces: Cow::Owned(here), points: &[], corners }
     }
     fn kept(&self) -> Option<KeptInput<'_>> {
         None
@@ -167,60 +179,10 @@ impl OrderedInput for RemadeInput<'_> {
     }
 }
 
-/// Faces of a [`RemadeInput`], in blocks that are looked up together so that cache misses overlap.
-struct RemadeFaces<'a> {
-    input: &'a RemadeInput<'a>,
-    /// Current block: index of the first face, and the vertices in the surface and in the ordered input.
-    from: usize,
-    there: Vec<[VertexId; 3]>,
-    here: Vec<[VertexId; 3]>,
-}
-
-impl RemadeFaces<'_> {
-    #[cold]
-    #[inline(never)]
-    fn look_up(&mut self, face: usize) {
-        let RemadeInput { ordered, surface, faces, .. } = self.input;
-        self.from = face - face % FACES_PER_BLOCK;
-        let block = &faces[self.from..faces.len().min(self.from + FACES_PER_BLOCK)];
-        self.there.clear();
-        self.there.extend(block.iter().map(|&i| surface.triangles()[i as usize]));
-        self.here.clear();
-        self.here.extend(self.there.iter().map(|t| t.map(|v| ordered.rank[v.index()])));
-    }
-}
-
-impl FacesInOrder for RemadeFaces<'_> {
-    #[inline]
-    fn face(&mut self, face: usize) -> [VertexId; 3] {
-        // (For a face before the block, wrapping makes the difference large.)
-        if face.wrapping_sub(self.from) >= self.here.len() {
-            self.look_up(face);
-        }
-        self.here[face - self.from]
-    }
-    #[inline]
-    fn positions(&mut self, face: usize, _: [VertexId; 3]) -> [Vec3; 3] {
-        if face.wrapping_sub(self.from) >= self.there.len() {
-            self.look_up(face);
-        }
-        self.there[face - self.from].map(|v| self.input.place_there(v))
-    }
-    #[inline]
-    fn prefetch(&self, face: usize) {
-        if let Some(t) = self.there.get(face.wrapping_sub(self.from)) {
-            for v in t {
-                match self.input.surface.positions() {
-                    PositionsView::F32(p) => prefetch_index(p, v.index()),
-                    PositionsView::F64(p) => prefetch_index(p, v.index()),
-                }
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use lodsmith_core::PositionsView;
+
     use super::*;
     use crate::collapse::order::order;
 
@@ -235,11 +197,11 @@ mod tests {
         let o = order(&s);
         let mut again = RemadeInput::new(&o, &s);
         assert_eq!((again.point_count(), again.face_count()), (o.points.len(), 300));
-        let mut faces = again.in_order();
-        for (i, t) in o.faces.iter().enumerate() {
-            faces.prefetch(i + 8);
-            assert_eq!(faces.face(i), *t);
-            assert_eq!(faces.positions(i, *t), t.map(|v| o.points[v.index()]));
+        let faces = again.faces(100..200, 1);
+        assert_eq!(faces.numbered().count(), 100);
+        for (i, t) in faces.numbered() {
+            assert_eq!(t, o.faces[i]);
+            assert_eq!(faces.positions(i, t), t.map(|v| o.points[v.index()]));
         }
         drop(faces);
         again.start_random_access();

@@ -1,7 +1,5 @@
 //! Assignment of samples of the original to the final triangles.
 
-use std::ops::Range;
-
 use glam::{Vec3, Vec3A};
 use lodsmith_core::VertexId;
 use wide::f32x4;
@@ -29,9 +27,6 @@ const MAX_SAMPLES_PER_FACE: usize = 16;
 /// Steps of the walk to the nearest triangle of a sample that lies outside the triangles of its star.
 /// (Guessed: long triangles of CAD parts are a few stars away.)
 const MAX_WALKED_STARS: usize = 16;
-/// Prefetch distance for positions, in samples. (Guessed.)
-const PREFETCH_DISTANCE: usize = 8;
-
 /// Number of faces of the original whose samples are placed together.
 const CHUNK_LEN: usize = 1 << 13;
 /// Samples of so many bits of the number of their final face are added together; with values all, in order.
@@ -111,29 +106,44 @@ pub(super) fn take_samples<Q: VertexMemory>(
     let kept = given.kept().filter(|_| stride == 1 && given.face_count() <= TIME_OVER_MEMORY_MAX_FACES);
     let areas = kept.map_or_else(Vec::new, |kept| areas_at_vertices(kept, homes.home));
     let count = given.face_count().div_ceil(CHUNK_LEN);
-    let faces = |k: usize| k * CHUNK_LEN..given.face_count().min((k + 1) * CHUNK_LEN);
+    let faces = |k: usize| given.faces(k * CHUNK_LEN..given.face_count().min((k + 1) * CHUNK_LEN), stride);
     let robust = homes.robust_height_sq;
-    let mut sums = SampleSums::default();
+    let (mut sums, mut survivors) = (SampleSums::default(), Survivors::default());
     if chunks::threads(given.face_count()) == 1 {
         let mut placer = Placer::new(store, Direct { loads, values, store, robust });
         for k in 0..count {
-            placer.place(faces(k), stride, given.in_order(), homes.home, &areas);
+            placer.place(&faces(k), stride, &mut survivors, homes.home, &areas);
             sums.add(&std::mem::take(&mut placer.sums));
         }
         return sums;
     }
     let bits = if values.is_some() { BITS_OF_ALL } else { BITS_OF_PART };
-    let together = CHUNKS_PER_THREAD * chunks::threads(given.face_count());
-    for first in (0..count).step_by(together) {
-        let placed = chunks::each(together.min(count - first), |k| {
-            let mut placer = Placer::new(store, Stored { loads, bits, parts: Vec::new() });
-            placer.place(faces(first + k), stride, given.in_order(), homes.home, &areas);
-            (placer.to.parts, placer.sums)
+    let most = CHUNKS_PER_THREAD * chunks::threads(given.face_count());
+    let (mut first, mut together) = (0, most);
+    while first < count {
+        together = together.min(count - first);
+        let numbers = chunks::each(together, |k| {
+            faces(first + k)
+                .numbered()
+                .filter(|(_, t)| are_different(&t.map(|w| homes.home[w.index()])))
+                .count()
         });
-        placed.iter().for_each(|(_, more)| sums.add(more));
+        let mut placed = chunks::each(together, |k| {
+            let next = survivors.next + numbers[..k].iter().sum::<usize>();
+            let mut survivors = Survivors { next, has_all: true };
+            let mut placer = Placer::new(store, Stored { loads, bits, parts: Vec::new() });
+            placer.place(&faces(first + k), stride, &mut survivors, homes.home, &areas);
+            (placer.to.parts, placer.sums, survivors)
+        });
+        // (The first one that lacks a survivor is right; those after it began at the wrong one.)
+        placed.truncate(placed.iter().position(|(.., found)| !found.has_all).map_or(together, |k| k + 1));
+        first += placed.len();
+        survivors = placed[placed.len() - 1].2;
+        together = if survivors.has_all { (2 * together).clamp(1, most) } else { 1 };
+        placed.iter().for_each(|(_, more, _)| sums.add(more));
         let mut parts: Vec<(&mut [FaceNormalEquations], Vec<&[PlacedSample]>)> =
             loads.chunks_mut(1 << bits).map(|loads| (loads, Vec::new())).collect();
-        for (part, samples) in placed.iter().flat_map(|(placed, _)| placed) {
+        for (part, samples) in placed.iter().flat_map(|(placed, ..)| placed) {
             parts[*part].1.push(samples);
         }
         parts.retain(|(_, samples)| !samples.is_empty());
@@ -141,11 +151,41 @@ pub(super) fn take_samples<Q: VertexMemory>(
             samples.into_iter().flatten().for_each(|sample| sample.add_to(loads, bits, robust));
         });
         if let Some(values) = &mut values {
-            let samples = placed.iter().flat_map(|(placed, _)| placed).flat_map(|(_, samples)| samples);
+            let samples = placed.iter().flat_map(|(placed, ..)| placed).flat_map(|(_, samples)| samples);
             samples.for_each(|sample| sample.add_to_values(values, store, robust));
         }
     }
     sums
+}
+
+/// Faces of the input that survive, while these are visited in order. They are found among the final ones without a
+/// search: both are in the same order, and no removed face has three different homes.
+#[derive(Clone, Copy, Default)]
+struct Survivors {
+    /// The next final face.
+    next: usize,
+    /// False if a face with three different homes was not found: a removed duplicate, or one at a cut.
+    has_all: bool,
+}
+
+impl Survivors {
+    /// Returns the final face that a face with these homes became, if it is the next one.
+    #[inline(always)]
+    fn find(&mut self, homes: &[VertexId; 3], final_faces: &[[VertexId; 3]]) -> Option<usize> {
+        let face = self.next;
+        if final_faces.get(face).is_some_and(|t| is_same(t, homes)) {
+            self.next += 1;
+            return Some(face);
+        }
+        self.has_all &= !are_different(homes);
+        None
+    }
+}
+
+/// True if a face with these homes should survive.
+#[inline(always)]
+fn are_different(&[a, b, c]: &[VertexId; 3]) -> bool {
+    (a != b) & (b != c) & (a != c)
 }
 
 impl InputSample {
@@ -326,18 +366,15 @@ impl<'a, Q: VertexMemory, S: Samples> Placer<'a, Q, S> {
     #[inline(always)]
     fn place(
         &mut self,
-        faces: Range<usize>,
+        faces: &FacesInOrder<'_>,
         stride: usize,
-        mut given: impl FacesInOrder,
+        survivors: &mut Survivors,
         home: &[VertexId],
         areas: &[AreaAtVertex],
     ) {
-        let mut next_survivor = None;
-        for i in faces {
-            let t = given.face(i);
+        for (i, t) in faces.numbered() {
             let homes = t.map(|w| home[w.index()]);
-            let survivor = self.survivor(&homes, next_survivor);
-            next_survivor = survivor.map(|face| face + 1).or(next_survivor);
+            let survivor = survivors.find(&homes, &self.store.t);
             if i % stride > 0 {
                 continue;
             }
@@ -345,8 +382,7 @@ impl<'a, Q: VertexMemory, S: Samples> Placer<'a, Q, S> {
             if u == NONE {
                 continue;
             }
-            given.prefetch(i + PREFETCH_DISTANCE * stride);
-            let [a, b, c] = given.positions(i, t).map(in_register);
+            let [a, b, c] = faces.positions(i, t).map(in_register);
             let normal = (b - a).cross(c - a);
             let area = normal.length();
             let centre = (a + (b + c)) * (1.0 / 3.0);
@@ -374,23 +410,6 @@ impl<'a, Q: VertexMemory, S: Samples> Placer<'a, Q, S> {
                 }
             }
         }
-    }
-
-    /// Returns the final face that a face with these homes became, if it is one. (No removed face has three different
-    /// homes, and final faces have the order of the original: it is nearly always the `next` one.)
-    #[inline(always)]
-    fn survivor(&self, homes: &[VertexId; 3], next: Option<usize>) -> Option<usize> {
-        if let Some(next) = next
-            && self.store.t.get(next).is_some_and(|t| is_same(t, homes))
-        {
-            return Some(next);
-        }
-        let [a, b, c] = *homes;
-        if a == b || b == c || a == c || a == NONE || b == NONE || c == NONE {
-            return None;
-        }
-        let mut around = self.store.listed(a).iter().map(|corner| corner.face());
-        around.find(|&face| is_same(&self.store.t[face], homes))
     }
 
     /// Returns the nearest triangle of the star of `u` that faces the same way as a sample, if it is nearer
