@@ -37,8 +37,9 @@ const MAX_FIRST_SAMPLES_WITH_WEDGES: usize = 128;
 /// first of many thresholds.
 const VERTICES_PER_FIRST_SAMPLE: usize = 24;
 const MIN_FIRST_SAMPLES: usize = 128;
-/// Live faces or vertices, in units of the goal's, below which a mesh is not cut any more: the last sweeps are serial.
-const LAST_PART: f64 = 1.05;
+/// Live faces or vertices above the goal, as a share of it, below which a mesh is not cut any more: the last sweeps are
+/// serial. (At least as many as are frozen, which are still to be reduced like the others.)
+const LAST_PART: f64 = 0.05;
 /// Once a mesh is cut, it is cut again down to the number of faces from which meshes are cut, divided by this.
 const MIN_FACES_DIVISOR: usize = 4;
 /// Number of vertices between two progress reports.
@@ -351,7 +352,7 @@ impl<M: Metric> Engine<M> {
             self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
             if self.pauses(sweeps, request, bounds)
                 || live < sizes.min_faces / MIN_FACES_DIVISOR
-                || self.is_near_end(goal, request.is_extreme)
+                || self.is_near_end(goal, request.is_extreme, blocks.as_ref())
                 || !sweeps.productivity.is_high
             {
                 break;
@@ -395,10 +396,11 @@ impl<M: Metric> Engine<M> {
     }
 
     /// True if so little is left to do that the goal, or the late phase, might be reached in one sweep.
-    fn is_near_end(&self, goal: &Goal, is_extreme: bool) -> bool {
+    fn is_near_end(&self, goal: &Goal, is_extreme: bool, blocks: Option<&Blocks<M>>) -> bool {
         let live = [self.mesh.store.live_faces, self.mesh.store.live_vertices];
-        let near =
-            |live: usize, goal: Option<usize>| goal.is_some_and(|n| (live as f64) < LAST_PART * n as f64);
+        let frozen = blocks.map_or(0.0, |blocks| 1.0 - blocks.free_share(live[1]));
+        let last = 1.0 + LAST_PART.max(frozen);
+        let near = |live: usize, goal: Option<usize>| goal.is_some_and(|n| (live as f64) < last * n as f64);
         near(live[0], goal.faces) || near(live[1], goal.vertices) || is_extreme && self.is_near_late_phase()
     }
 

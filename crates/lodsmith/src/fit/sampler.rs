@@ -53,7 +53,7 @@ struct OnFace {
     distance_sq: f32,
 }
 
-/// SampleSums over samples.
+/// Sums over samples.
 #[derive(Clone, Copy, Default)]
 pub(super) struct SampleSums {
     pub(super) height_sq: f64,
@@ -260,13 +260,16 @@ impl<Q: VertexMemory> Samples for Direct<'_, '_, Q> {
     }
 }
 
+/// In place of a squared distance.
+const AT_VERTEX: f32 = -1.0;
+
 /// A sample and its place.
 #[derive(Clone, Copy)]
 struct PlacedSample {
     sample: InputSample,
     at: Corner,
     height: f32,
-    /// Barycentric coordinates, and the squared distance; that is negative at a vertex.
+    /// Barycentric coordinates, and the squared distance, which is [`AT_VERTEX`] at a vertex.
     b: f32x4,
 }
 
@@ -276,7 +279,12 @@ impl PlacedSample {
     fn on_face(&self) -> Option<OnFace> {
         let [u, v, w, distance_sq] = self.b.to_array();
         let b = f32x4::new([u, v, w, 0.0]);
-        (distance_sq >= 0.0).then_some(OnFace { face: self.at.face(), b, height: self.height, distance_sq })
+        (distance_sq != AT_VERTEX).then_some(OnFace {
+            face: self.at.face(),
+            b,
+            height: self.height,
+            distance_sq,
+        })
     }
 
     /// Adds it to its load, in its part of all loads.
@@ -317,7 +325,7 @@ impl Samples for Stored<'_> {
     }
     #[inline(always)]
     fn put_at_vertex(&mut self, sample: InputSample, at: Corner) {
-        self.put(PlacedSample { sample, at, height: 0.0, b: f32x4::splat(-1.0) });
+        self.put(PlacedSample { sample, at, height: 0.0, b: f32x4::splat(AT_VERTEX) });
     }
 }
 
