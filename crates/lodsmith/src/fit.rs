@@ -26,7 +26,7 @@ use crate::cost::tensor::Tensor;
 use faces::{FaceData, face_data};
 pub(crate) use move_guards::MoveGuards;
 use outliers::pull_in_outliers;
-use sampler::{HomesOfInput, take_samples};
+use sampler::{SampleParameters, take_samples};
 use solve::solve;
 pub(crate) use values::{Originals, Values};
 
@@ -67,8 +67,8 @@ pub(crate) fn fit<Q: VertexMemory>(
     let FaceData { mut loads, leeway } = face_data(store);
     let per_face = (given.point_count() + given.face_count()) as f64 / store.t.len() as f64;
     let robust_height_sq = (ROBUST_HEIGHT_SQ * (per_face * away).powi(2)).clamp(1e-30, 1e30) as f32;
-    let homes = HomesOfInput { home, per_face, robust_height_sq };
-    let sums = take_samples(store, &mut loads, given, &homes, values);
+    let parameters = SampleParameters { home, per_face, robust_height_sq };
+    let sums = take_samples(store, &mut loads, given, &parameters, values);
     let limit = MAX_OUTLIER_RMS * MAX_OUTLIER_RMS * (sums.height_sq / sums.weight.max(1e-30)) as f32;
     let suspects = solve(store, &mut loads, leeway, OUTLIER_CHECK_SHARE * limit, guards, tensor);
     let after = sums.height_sq - loads.iter().map(|l| f64::from(l.gain())).sum::<f64>();

@@ -617,6 +617,27 @@ fn threads_change_neither_the_result_nor_the_measurement() {
 }
 
 #[test]
+fn threads_do_not_change_the_fit_of_duplicates_and_attributes() {
+    // The fit goes through the input in pieces of some thousand faces; after a removed duplicate, the final faces no
+    // longer follow those of the input.
+    let blob = shapes::blob(6, 3);
+    let faces = blob.surface().triangles().to_vec();
+    let twice = [faces.clone(), faces.into_iter().step_by(3000).collect()].concat();
+    let mesh = TriMesh::new(blob.positions().clone(), twice).unwrap();
+    let mut shaded = mesh.clone();
+    let normals = blob.positions().view().iter().map(|p| p.map(|x| x as f32)).collect();
+    shaded.set_normals(Some(normals)).unwrap();
+    for (mesh, ratio) in [(&mesh, 0.5), (&shaded, 0.3)] {
+        let [one, three] = [1, 3].map(|n| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+            pool.install(|| simplify(mesh, &SimplifyOptions::new(Stop::ratio(ratio))).unwrap())
+        });
+        assert!(one.report.cleanup.duplicate_faces > 20);
+        assert_eq!(one, three);
+    }
+}
+
+#[test]
 fn errors_name_the_option_out_of_range() {
     let mesh = shapes::cube(2);
     let plain = || SimplifyOptions::new(Stop::faces(4));

@@ -147,7 +147,10 @@ fn numbered(mut label: Vec<u32>) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
+    use lodsmith_core::{PositionsView, Surface, shapes};
+
     use super::*;
+    use crate::collapse::order::order;
     use crate::test_support::{SmallMesh, tetrahedron};
 
     fn two() -> SmallMesh {
@@ -188,5 +191,29 @@ mod tests {
         assert_eq!(weighted(f32::INFINITY), f32::INFINITY);
         let size = parts[0].size(2);
         assert!((size.face - 1.5).abs() < 1e-5 && (size.size_sq - 3.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn parts_of_an_ordered_input_are_the_same_in_pieces() {
+        // Two connected parts and many small ones, each in several pieces.
+        let large = shapes::noisy_sphere(6, 0.05, 3);
+        let mut p: Vec<[f64; 3]> = large.positions().view().iter().collect();
+        let mut faces: Vec<[VertexId; 3]> = large.surface().triangles().to_vec();
+        let count = p.len();
+        p.extend_from_within(..);
+        p[count..].iter_mut().for_each(|p| p[0] += 0.3);
+        let own: Vec<_> = faces.iter().map(|t| t.map(|v| VertexId::new(v.index() + count))).collect();
+        faces.extend(own);
+        for (i, at) in (0..2000).map(|i| (i, VertexId::new(p.len() + 3 * i))).collect::<Vec<_>>() {
+            let x = f64::from(i as u32) * 0.001 - 1.0;
+            p.extend([[x, 1.5, 0.0], [x, 1.6, 0.0], [x, 1.5, 0.1]]);
+            faces.push([0, 1, 2].map(|k| VertexId::new(at.index() + k)));
+        }
+        let surface = Surface::with_triangles(PositionsView::F64(&p), faces).unwrap();
+        let ordered = order(&surface);
+        let found = labels_of_ordered(ordered.point_count, &ordered.faces);
+        assert!(ordered.point_count > 5 * PIECE_LEN);
+        assert_eq!(found, labels(ordered.point_count, &ordered.faces));
+        assert_eq!(found.iter().max(), Some(&2001));
     }
 }

@@ -16,6 +16,7 @@ use crate::collapse::order::{Ordered, TIME_OVER_MEMORY_MAX_FACES, single_unit};
 pub(crate) const INPUT_COPY_MAX_FACES: usize = 1_000_000;
 /// If at least the input divided by this remains, the fit needs more memory than the sweeps.
 const SHRINK_DIVISOR: usize = 3;
+
 /// The input of a run, and its order.
 pub(crate) struct OriginalInput<'a> {
     pub(crate) surface: &'a Surface<'a>,
@@ -56,9 +57,9 @@ pub(crate) trait OrderedInput: Sync {
     /// Switches from faces in order to random access: from now on, single positions and all faces are read.
     fn start_random_access(&mut self);
     fn position(&self, v: VertexId) -> Vec3;
-    /// Number of the faces that [`Self::visit_faces`] counts.
+    /// End of the numbers of [`Self::visit_faces`].
     fn all_faces(&self) -> usize;
-    /// Visits all faces with numbers in a range: any numbers, but always the same ones.
+    /// Visits the faces with numbers in a range. (The numbers need not be those of the order.)
     fn visit_faces(&self, range: Range<usize>, visit: impl FnMut([VertexId; 3]));
 }
 

@@ -77,10 +77,10 @@ impl SampleSums {
     }
 }
 
-/// What samples of the original have in common.
+/// Parameters of the samples of the original.
 #[derive(Clone, Copy)]
-pub(super) struct HomesOfInput<'a> {
-    /// Each vertex of the original has its home, or [`NONE`].
+pub(super) struct SampleParameters<'a> {
+    /// The final vertex that each vertex of the original was merged into, or [`NONE`].
     pub(super) home: &'a [VertexId],
     /// Number of points and faces of the original for each final triangle.
     pub(super) per_face: f64,
@@ -99,20 +99,19 @@ pub(super) fn take_samples<Q: VertexMemory>(
     store: &Store<Q>,
     loads: &mut [FaceNormalEquations],
     given: &impl OrderedInput,
-    homes: &HomesOfInput<'_>,
+    &SampleParameters { home, per_face, robust_height_sq: robust }: &SampleParameters<'_>,
     mut values: Option<&mut Values<'_>>,
 ) -> SampleSums {
-    let stride = ((homes.per_face / MAX_SAMPLES_PER_FACE as f64) as usize).max(1);
+    let stride = ((per_face / MAX_SAMPLES_PER_FACE as f64) as usize).max(1);
     let kept = given.kept().filter(|_| stride == 1 && given.face_count() <= TIME_OVER_MEMORY_MAX_FACES);
-    let areas = kept.map_or_else(Vec::new, |kept| areas_at_vertices(kept, homes.home));
+    let areas = kept.map_or_else(Vec::new, |kept| areas_at_vertices(kept, home));
     let count = given.face_count().div_ceil(CHUNK_LEN);
     let faces = |k: usize| given.faces(k * CHUNK_LEN..given.face_count().min((k + 1) * CHUNK_LEN), stride);
-    let robust = homes.robust_height_sq;
     let (mut sums, mut survivors) = (SampleSums::default(), Survivors::default());
     if chunks::threads(given.face_count()) == 1 {
         let mut placer = Placer::new(store, Direct { loads, values, store, robust });
         for k in 0..count {
-            placer.place(&faces(k), stride, &mut survivors, homes.home, &areas);
+            placer.place(&faces(k), stride, &mut survivors, home, &areas);
             sums.add(&std::mem::take(&mut placer.sums));
         }
         return sums;
@@ -122,17 +121,17 @@ pub(super) fn take_samples<Q: VertexMemory>(
     let (mut first, mut together) = (0, most);
     while first < count {
         together = together.min(count - first);
-        let numbers = chunks::each(together, |k| {
-            faces(first + k)
-                .numbered()
-                .filter(|(_, t)| are_different(&t.map(|w| homes.home[w.index()])))
-                .count()
+        let counted = chunks::each(together, |k| {
+            let faces = faces(first + k);
+            let survives = |t: [VertexId; 3]| are_different(&t.map(|w| home[w.index()]));
+            let count = faces.numbered().filter(|(_, t)| survives(*t)).count();
+            (faces, count)
         });
         let mut placed = chunks::each(together, |k| {
-            let next = survivors.next + numbers[..k].iter().sum::<usize>();
+            let next = survivors.next + counted[..k].iter().map(|(_, count)| count).sum::<usize>();
             let mut survivors = Survivors { next, has_all: true };
             let mut placer = Placer::new(store, Stored { loads, bits, parts: Vec::new() });
-            placer.place(&faces(first + k), stride, &mut survivors, homes.home, &areas);
+            placer.place(&counted[k].0, stride, &mut survivors, home, &areas);
             (placer.to.parts, placer.sums, survivors)
         });
         // (The first one that lacks a survivor is right; those after it began at the wrong one.)

@@ -71,7 +71,7 @@ pub(crate) struct EngineOutcome {
     /// True if vertices that were separated by a cut are at the same position, which only free topology allows.
     pub(super) has_touching_vertices: bool,
     pub(super) proposals: Vec<Proposal>,
-    /// What the attributes of the mesh lack until [`Run::completed`]; `None` if they are complete.
+    /// Attributes that [`Run::completed`] still has to add; `None` if there are none.
     pub(super) missing: Option<MissingAttributes>,
     pub(super) trace: Option<Trace>,
 }
