@@ -6,7 +6,7 @@ use wide::f32x4;
 
 use super::normal_equations::FaceNormalEquations;
 use super::stars::{CachedStar, MIN_FACING_COS, Nearest};
-use super::values::Values;
+use super::values::{PartOfValues, ValueSurfaces, Values};
 use crate::chunks;
 use crate::collapse::order::{NONE, TIME_OVER_MEMORY_MAX_FACES};
 use crate::collapse::ordered_input::{FacesInOrder, KeptInput, OrderedInput};
@@ -29,9 +29,8 @@ const MAX_SAMPLES_PER_FACE: usize = 16;
 const MAX_WALKED_STARS: usize = 16;
 /// Number of faces of the original whose samples are placed together.
 const CHUNK_LEN: usize = 1 << 13;
-/// Samples of so many bits of the number of their final face are added together; with values all, in order.
-const BITS_OF_PART: u32 = 14;
-const BITS_OF_ALL: u32 = 30;
+/// Samples on so many consecutive final faces are added together.
+const PART_LEN: usize = 1 << 14;
 /// Chunks of each thread that are in memory together.
 const CHUNKS_PER_THREAD: usize = 4;
 
@@ -109,6 +108,7 @@ pub(super) fn take_samples<Q: VertexMemory>(
     let faces = |k: usize| given.faces(k * CHUNK_LEN..given.face_count().min((k + 1) * CHUNK_LEN), stride);
     let (mut sums, mut survivors) = (SampleSums::default(), Survivors::default());
     if chunks::threads(given.face_count()) == 1 {
+        let values = values.and_then(|values| values.parts(store.t.len()).pop());
         let mut placer = Placer::new(store, Direct { loads, values, store, robust });
         for k in 0..count {
             placer.place(&faces(k), stride, &mut survivors, home, &areas);
@@ -116,7 +116,6 @@ pub(super) fn take_samples<Q: VertexMemory>(
         }
         return sums;
     }
-    let bits = if values.is_some() { BITS_OF_ALL } else { BITS_OF_PART };
     let most = CHUNKS_PER_THREAD * chunks::threads(given.face_count());
     let (mut first, mut together) = (0, most);
     while first < count {
@@ -130,7 +129,8 @@ pub(super) fn take_samples<Q: VertexMemory>(
         let mut placed = chunks::each(together, |k| {
             let next = survivors.next + counted[..k].iter().map(|(_, count)| count).sum::<usize>();
             let mut survivors = Survivors { next, has_all: true };
-            let mut placer = Placer::new(store, Stored { loads, bits, parts: Vec::new() });
+            let values = values.as_ref().map(|values| values.surfaces());
+            let mut placer = Placer::new(store, Stored { loads, values, store, parts: Vec::new() });
             placer.place(&counted[k].0, stride, &mut survivors, home, &areas);
             (placer.to.parts, placer.sums, survivors)
         });
@@ -140,19 +140,15 @@ pub(super) fn take_samples<Q: VertexMemory>(
         survivors = placed[placed.len() - 1].2;
         together = if survivors.has_all { (2 * together).clamp(1, most) } else { 1 };
         placed.iter().for_each(|(_, more, _)| sums.add(more));
-        let mut parts: Vec<(&mut [FaceNormalEquations], Vec<&[PlacedSample]>)> =
-            loads.chunks_mut(1 << bits).map(|loads| (loads, Vec::new())).collect();
+        let mut parts: Vec<PartOfSamples<'_, '_>> =
+            loads.chunks_mut(PART_LEN).map(PartOfSamples::new).collect();
+        let of_values = values.iter_mut().flat_map(|values| values.parts(PART_LEN));
+        parts.iter_mut().zip(of_values).for_each(|(part, values)| part.values = Some(values));
         for (part, samples) in placed.iter().flat_map(|(placed, ..)| placed) {
-            parts[*part].1.push(samples);
+            parts[*part].samples.push(samples);
         }
-        parts.retain(|(_, samples)| !samples.is_empty());
-        chunks::over(parts, |_, (loads, samples)| {
-            samples.into_iter().flatten().for_each(|sample| sample.add_to(loads, bits, robust));
-        });
-        if let Some(values) = &mut values {
-            let samples = placed.iter().flat_map(|(placed, ..)| placed).flat_map(|(_, samples)| samples);
-            samples.for_each(|sample| sample.add_to_values(values, store, robust));
-        }
+        parts.retain(|part| !part.samples.is_empty());
+        chunks::over(parts, |_, part| part.add_all(robust));
     }
     sums
 }
@@ -207,7 +203,7 @@ impl InputSample {
     }
 
     /// Adds the values of the original there, on a triangle.
-    fn add_values_on_face(&self, on: &OnFace, values: &mut Values<'_>, robust: f32) {
+    fn add_values_on_face(&self, on: &OnFace, values: &mut PartOfValues<'_, '_>, robust: f32) {
         let [u, v, w, _] = on.b.to_array();
         let (b, weight) = (Vec3::new(u, v, w), self.robust_weight(on.height, robust));
         match (self.of as usize / 4, self.of as usize % 4) {
@@ -216,10 +212,20 @@ impl InputSample {
         }
     }
 
-    /// Adds the values of the original there, at a vertex.
-    fn add_values_at_vertex<Q: VertexMemory>(&self, at: Corner, values: &mut Values<'_>, store: &Store<Q>) {
+    /// Returns the corner of a triangle that takes the values of the original there, at the vertex of `at`.
+    fn corner_for_values<Q: VertexMemory>(
+        &self,
+        at: Corner,
+        values: &ValueSurfaces<'_>,
+        store: &Store<Q>,
+    ) -> Option<Corner> {
         let around = store.listed(store.t[at.face()][at.k()]);
-        values.add_at_home((self.of as usize / 4, self.of as usize % 4), around, self.weight);
+        values.corner_at_home((self.of as usize / 4, self.of as usize % 4), around)
+    }
+
+    /// Adds the values of the original there, at a corner of a triangle.
+    fn add_values_at_corner(&self, corner: Corner, values: &mut PartOfValues<'_, '_>) {
+        values.add_at_corner((self.of as usize / 4, self.of as usize % 4), corner, self.weight);
     }
 }
 
@@ -233,7 +239,7 @@ trait Samples {
 /// Adds samples at once.
 struct Direct<'a, 'v, Q: VertexMemory> {
     loads: &'a mut [FaceNormalEquations],
-    values: Option<&'a mut Values<'v>>,
+    values: Option<PartOfValues<'a, 'v>>,
     store: &'a Store<Q>,
     robust: f32,
 }
@@ -253,14 +259,17 @@ impl<Q: VertexMemory> Samples for Direct<'_, '_, Q> {
     #[inline(always)]
     fn put_at_vertex(&mut self, sample: InputSample, at: Corner) {
         sample.add_at_vertex(at, &mut self.loads[at.face()]);
-        if let Some(values) = &mut self.values {
-            sample.add_values_at_vertex(at, values, self.store);
+        if let Some(values) = &mut self.values
+            && let Some(corner) = sample.corner_for_values(at, values.surfaces(), self.store)
+        {
+            sample.add_values_at_corner(corner, values);
         }
     }
 }
 
-/// In place of a squared distance.
+/// In place of a squared distance: a sample at a vertex, and the values of one, at the corner that takes them.
 const AT_VERTEX: f32 = -1.0;
+const VALUES_AT_CORNER: f32 = -2.0;
 
 /// A sample and its place.
 #[derive(Clone, Copy)]
@@ -268,50 +277,63 @@ struct PlacedSample {
     sample: InputSample,
     at: Corner,
     height: f32,
-    /// Barycentric coordinates, and the squared distance, which is [`AT_VERTEX`] at a vertex.
+    /// Barycentric coordinates, and the squared distance or one of the marks above.
     b: f32x4,
 }
 
 impl PlacedSample {
-    /// Returns the place on a triangle, or `None` at a vertex.
+    /// Adds it to its load, or its values to theirs, in a part of all.
     #[inline(always)]
-    fn on_face(&self) -> Option<OnFace> {
+    fn add_to(
+        &self,
+        loads: &mut [FaceNormalEquations],
+        values: Option<&mut PartOfValues<'_, '_>>,
+        robust: f32,
+    ) {
+        let face = self.at.face();
         let [u, v, w, distance_sq] = self.b.to_array();
-        let b = f32x4::new([u, v, w, 0.0]);
-        (distance_sq != AT_VERTEX).then_some(OnFace {
-            face: self.at.face(),
-            b,
-            height: self.height,
-            distance_sq,
-        })
-    }
-
-    /// Adds it to its load, in its part of all loads.
-    #[inline(always)]
-    fn add_to(&self, loads: &mut [FaceNormalEquations], bits: u32, robust: f32) {
-        let load = &mut loads[self.at.face() & ((1 << bits) - 1)];
-        match self.on_face() {
-            Some(on) => self.sample.add_on_face(&on, load, robust),
-            None => self.sample.add_at_vertex(self.at, load),
-        }
-    }
-
-    fn add_to_values<Q: VertexMemory>(&self, values: &mut Values<'_>, store: &Store<Q>, robust: f32) {
-        match self.on_face() {
-            Some(on) => self.sample.add_values_on_face(&on, values, robust),
-            None => self.sample.add_values_at_vertex(self.at, values, store),
+        if distance_sq == AT_VERTEX {
+            self.sample.add_at_vertex(self.at, &mut loads[face % PART_LEN]);
+        } else if distance_sq == VALUES_AT_CORNER {
+            values.into_iter().for_each(|values| self.sample.add_values_at_corner(self.at, values));
+        } else {
+            let on = OnFace { face, b: f32x4::new([u, v, w, 0.0]), height: self.height, distance_sq };
+            self.sample.add_on_face(&on, &mut loads[face % PART_LEN], robust);
+            values.into_iter().for_each(|values| self.sample.add_values_on_face(&on, values, robust));
         }
     }
 }
 
-/// Keeps samples, by part of the loads and in order in each.
-struct Stored<'a> {
+/// Consecutive final triangles, and all samples on them, in order.
+struct PartOfSamples<'a, 'v> {
+    loads: &'a mut [FaceNormalEquations],
+    values: Option<PartOfValues<'a, 'v>>,
+    samples: Vec<&'a [PlacedSample]>,
+}
+
+impl<'a> PartOfSamples<'a, '_> {
+    fn new(loads: &'a mut [FaceNormalEquations]) -> Self {
+        Self { loads, values: None, samples: Vec::new() }
+    }
+
+    fn add_all(mut self, robust: f32) {
+        for samples in self.samples {
+            for sample in samples {
+                sample.add_to(self.loads, self.values.as_mut(), robust);
+            }
+        }
+    }
+}
+
+/// Keeps samples, by part of the final triangles and in order in each.
+struct Stored<'a, 'v, Q: VertexMemory> {
     loads: &'a [FaceNormalEquations],
-    bits: u32,
+    values: Option<&'a ValueSurfaces<'v>>,
+    store: &'a Store<Q>,
     parts: Vec<(usize, Vec<PlacedSample>)>,
 }
 
-impl Samples for Stored<'_> {
+impl<Q: VertexMemory> Samples for Stored<'_, '_, Q> {
     #[inline(always)]
     fn normal(&self, face: usize) -> Vec3A {
         self.loads[face].normal()
@@ -325,13 +347,18 @@ impl Samples for Stored<'_> {
     #[inline(always)]
     fn put_at_vertex(&mut self, sample: InputSample, at: Corner) {
         self.put(PlacedSample { sample, at, height: 0.0, b: f32x4::splat(AT_VERTEX) });
+        if let Some(values) = self.values
+            && let Some(at) = sample.corner_for_values(at, values, self.store)
+        {
+            self.put(PlacedSample { sample, at, height: 0.0, b: f32x4::splat(VALUES_AT_CORNER) });
+        }
     }
 }
 
-impl Stored<'_> {
+impl<Q: VertexMemory> Stored<'_, '_, Q> {
     #[inline(always)]
     fn put(&mut self, sample: PlacedSample) {
-        let part = sample.at.face() >> self.bits;
+        let part = sample.at.face() / PART_LEN;
         match self.parts.last_mut() {
             Some((last, samples)) if *last == part => samples.push(sample),
             _ => self.put_elsewhere(part, sample),
@@ -601,7 +628,8 @@ mod tests {
         let mut store = Store::<Tensor>::new(&points, faces.to_vec(), None, None);
         store.link();
         let FaceData { loads, .. } = face_data(&store);
-        let mut placer = Placer::new(&store, Stored { loads: &loads, bits: BITS_OF_PART, parts: Vec::new() });
+        let to = Stored { loads: &loads, values: None, store: &store, parts: Vec::new() };
+        let mut placer = Placer::new(&store, to);
         // Nearer to the lower side.
         let p = Vec3A::new(0.6, 0.1, -0.03);
         for normal in [Vec3A::Z, -Vec3A::Z, Vec3A::Y] {

@@ -80,12 +80,7 @@ const OTHER_CORNERS: [[(usize, usize); 2]; 4] =
 
 /// Sums over the samples of the values, for each final triangle.
 pub(crate) struct Values<'a> {
-    originals: &'a Originals,
-    attributes: &'a mut Attributes,
-    /// Wedges of the final triangles, and their charts.
-    wedges: Vec<[WedgeId; 3]>,
-    charts: Vec<WedgeId>,
-    lanes: usize,
+    surfaces: ValueSurfaces<'a>,
     /// Sums of weight · b bᵀ.
     bb: Vec<Tensor>,
     /// Weight that holds each corner to its present value: without trusted samples nearby nothing else acts
@@ -95,8 +90,16 @@ pub(crate) struct Values<'a> {
     wanted: Vec<f32x4>,
     /// The largest residual of a sample, as far as it is trusted: no corner changes by more.
     max_residual: Vec<f32x4>,
-    /// Scratch: the residual of a sample.
-    residual: Vec<f32x4>,
+}
+
+/// The values of the original and of the final triangles.
+pub(super) struct ValueSurfaces<'a> {
+    originals: &'a Originals,
+    attributes: &'a mut Attributes,
+    /// Wedges of the final triangles, and their charts.
+    wedges: Vec<[WedgeId; 3]>,
+    charts: Vec<WedgeId>,
+    lanes: usize,
     /// Weighted square of a residual that is still trusted.
     trusted_sq: f32,
 }
@@ -110,57 +113,100 @@ impl<'a> Values<'a> {
         wedges: Vec<[WedgeId; 3]>,
         away: f64,
     ) -> Self {
-        let lanes = attributes.lanes();
-        let (bb, wanted) =
-            (vec![Tensor::default(); wedges.len()], vec![f32x4::ZERO; 3 * lanes * wedges.len()]);
-        let usual = (TRUSTED_RESIDUAL_RMS * away).powi(2).clamp(1e-30, 1e30) as f32;
-        let off = vec![f32x4::ZERO; lanes];
-        let held = vec![Vec3::ZERO; wedges.len()];
-        let worst = vec![f32x4::ZERO; lanes * wedges.len()];
+        let (lanes, count) = (attributes.lanes(), wedges.len());
+        let trusted_sq = (TRUSTED_RESIDUAL_RMS * away).powi(2).clamp(1e-30, 1e30) as f32;
         let chart = |t: &[WedgeId; 3]| originals.charts[attributes.original(t[0]).index()];
         let charts = wedges.iter().map(chart).collect();
         Self {
-            originals,
-            attributes,
-            wedges,
-            charts,
-            lanes,
-            bb,
-            damping: held,
-            wanted,
-            max_residual: worst,
-            residual: off,
-            trusted_sq: usual,
+            surfaces: ValueSurfaces { originals, attributes, wedges, charts, lanes, trusted_sq },
+            bb: vec![Tensor::default(); count],
+            damping: vec![Vec3::ZERO; count],
+            wanted: vec![f32x4::ZERO; 3 * lanes * count],
+            max_residual: vec![f32x4::ZERO; lanes * count],
         }
+    }
+
+    pub(super) fn surfaces(&self) -> &ValueSurfaces<'a> {
+        &self.surfaces
+    }
+
+    /// Returns the sums of each run of `len` triangles.
+    pub(super) fn parts(&mut self, len: usize) -> Vec<PartOfValues<'_, 'a>> {
+        let Self { surfaces, bb, damping, wanted, max_residual } = self;
+        let (surfaces, lanes) = (&*surfaces, surfaces.lanes);
+        let (mut wanted, mut max_residual) = (&mut wanted[..], &mut max_residual[..]);
+        let part = |(k, (bb, damping)): (usize, (_, _))| {
+            let bb: &mut [Tensor] = bb;
+            PartOfValues {
+                surfaces,
+                first: k * len,
+                damping,
+                wanted: front(&mut wanted, 3 * lanes * bb.len()),
+                max_residual: front(&mut max_residual, lanes * bb.len()),
+                residual: vec![f32x4::ZERO; lanes],
+                bb,
+            }
+        };
+        bb.chunks_mut(len).zip(damping.chunks_mut(len)).enumerate().map(part).collect()
+    }
+}
+
+/// Splits the first items off.
+fn front<'a, T>(items: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    items.split_off_mut(..count).expect("as long as its parts")
+}
+
+impl ValueSurfaces<'_> {
+    /// Returns the corner of a final triangle that takes the values of a corner of the ordered input, given as face and
+    /// corner number, whose home has exactly its position and these corners.
+    pub(super) fn corner_at_home(&self, (of, k): (usize, usize), around: &[Corner]) -> Option<Corner> {
+        let own = self.originals.chart(self.originals.wedges[of][k]);
+        around.iter().copied().find(|c| self.charts[c.face()] == own)
+    }
+}
+
+/// The sums of consecutive final triangles.
+pub(super) struct PartOfValues<'b, 'a> {
+    surfaces: &'b ValueSurfaces<'a>,
+    /// The first of the triangles.
+    first: usize,
+    bb: &'b mut [Tensor],
+    damping: &'b mut [Vec3],
+    wanted: &'b mut [f32x4],
+    max_residual: &'b mut [f32x4],
+    /// Scratch: the residual of a sample.
+    residual: Vec<f32x4>,
+}
+
+impl PartOfValues<'_, '_> {
+    pub(super) fn surfaces(&self) -> &ValueSurfaces<'_> {
+        self.surfaces
     }
 
     /// Adds the centre of a face of the ordered input.
     pub(super) fn add_centre(&mut self, of: usize, face: usize, b: Vec3, weight: f32) {
-        self.add(self.originals.wedges[of], 1.0 / 3.0, face, b, weight);
+        self.add(self.surfaces.originals.wedges[of], 1.0 / 3.0, face, b, weight);
     }
 
     /// Adds a corner of the ordered input, given as face and corner number.
     pub(super) fn add_corner(&mut self, (of, k): (usize, usize), face: usize, b: Vec3, weight: f32) {
-        self.add([self.originals.wedges[of][k]], 1.0, face, b, weight);
+        self.add([self.surfaces.originals.wedges[of][k]], 1.0, face, b, weight);
     }
 
-    /// Adds a corner of the ordered input whose home, with these corners, has its exact position.
-    pub(super) fn add_at_home(&mut self, of: (usize, usize), around: &[Corner], weight: f32) {
-        let own = self.originals.chart(self.originals.wedges[of.0][of.1]);
-        if let Some(corner) = around.iter().find(|c| self.charts[c.face()] == own) {
-            let mut b = [0.0; 3];
-            b[corner.k()] = 1.0;
-            self.add_corner(of, corner.face(), b.into(), weight);
-        }
+    /// Adds a corner of the ordered input at a corner of a final triangle.
+    pub(super) fn add_at_corner(&mut self, of: (usize, usize), corner: Corner, weight: f32) {
+        let mut b = [0.0; 3];
+        b[corner.k()] = 1.0;
+        self.add_corner(of, corner.face(), b.into(), weight);
     }
 
     #[inline(always)]
     fn add<const R: usize>(&mut self, rows: [WedgeId; R], share: f32, face: usize, b: Vec3, weight: f32) {
-        if self.originals.chart(rows[0]) != self.charts[face] {
+        if self.surfaces.originals.chart(rows[0]) != self.surfaces.charts[face] {
             return;
         }
         // (Loops over one or two vectors are unrolled.)
-        match self.lanes {
+        match self.surfaces.lanes {
             1 => self.add_lanes::<R, 1>(rows, share, face, b, weight),
             2 => self.add_lanes::<R, 2>(rows, share, face, b, weight),
             _ => self.add_lanes::<R, 0>(rows, share, face, b, weight),
@@ -176,14 +222,12 @@ impl<'a> Values<'a> {
         b: Vec3,
         weight: f32,
     ) {
-        let lanes = if N == 0 { self.lanes } else { N };
+        let ValueSurfaces { originals, attributes, wedges, lanes, trusted_sq, .. } = self.surfaces;
+        let lanes = if N == 0 { *lanes } else { N };
         let corners = b.to_array();
-        let [o, a, c] = self.wedges[face];
-        let finals = (
-            self.attributes.values_of(lanes, o),
-            self.attributes.values_of(lanes, a),
-            self.attributes.values_of(lanes, c),
-        );
+        let [o, a, c] = wedges[face];
+        let finals =
+            (attributes.values_of(lanes, o), attributes.values_of(lanes, a), attributes.values_of(lanes, c));
         // (Small buffers stay in registers.)
         let mut few = [f32x4::ZERO; 2];
         let off = if N == 0 { &mut self.residual[..lanes] } else { &mut few[..N] };
@@ -191,7 +235,7 @@ impl<'a> Values<'a> {
         for (i, off) in off.iter_mut().enumerate() {
             let mut sum = f32x4::ZERO;
             for row in rows {
-                sum += self.originals.of(row, lanes)[i];
+                sum += originals.of(row, lanes)[i];
             }
             let value = sum * share;
             // Written so that the sum is exactly zero if all values are equal.
@@ -199,16 +243,17 @@ impl<'a> Values<'a> {
             own += (value - finals.0[i]) * corners[0];
             own += (value - finals.1[i]) * corners[1];
             own += (value - finals.2[i]) * corners[2];
-            far += own * own * self.attributes.weight(i);
+            far += own * own * attributes.weight(i);
             *off = own;
         }
         // A large residual means that the face is near in space only.
-        let trust = self.trusted_sq / (self.trusted_sq + far.reduce_add());
-        self.damping[face] += b.max(Vec3::ZERO) * (weight * DAMPING);
+        let trust = trusted_sq / (trusted_sq + far.reduce_add());
+        let at = face - self.first;
+        self.damping[at] += b.max(Vec3::ZERO) * (weight * DAMPING);
         let weight = weight * trust * trust;
-        self.bb[face].add(&Tensor::outer(b, weight));
-        let worst = &mut self.max_residual[face * lanes..][..lanes];
-        let wanted = &mut self.wanted[face * 3 * lanes..][..3 * lanes];
+        self.bb[at].add(&Tensor::outer(b, weight));
+        let worst = &mut self.max_residual[at * lanes..][..lanes];
+        let wanted = &mut self.wanted[at * 3 * lanes..][..3 * lanes];
         for (i, off) in off.iter().enumerate() {
             worst[i] = worst[i].fast_max(off.abs() * trust);
             for (k, b) in corners.into_iter().enumerate() {
@@ -216,11 +261,13 @@ impl<'a> Values<'a> {
             }
         }
     }
+}
 
+impl Values<'_> {
     /// Fits the values of all wedges. The samples refer to the positions before the fit of positions; `moved`
     /// returns the move of a triangle's corner since, or `None` if it is locked.
     pub(crate) fn solve(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
-        match self.lanes {
+        match self.surfaces.lanes {
             1 => self.solve_lanes::<1>(moved),
             2 => self.solve_lanes::<2>(moved),
             _ => self.solve_lanes::<0>(moved),
@@ -229,9 +276,10 @@ impl<'a> Values<'a> {
 
     #[inline(always)]
     fn solve_lanes<const N: usize>(self, moved: impl Fn(usize, usize) -> Option<Vec3>) {
-        let lanes = if N == 0 { self.lanes } else { N };
-        let count = self.attributes.count();
-        let (corners, at) = by_wedge(&self.wedges, count);
+        let ValueSurfaces { attributes, wedges, lanes, .. } = self.surfaces;
+        let lanes = if N == 0 { lanes } else { N };
+        let count = attributes.count();
+        let (corners, at) = by_wedge(&wedges, count);
         let of_wedge = |w: usize| &corners[at[w] as usize..at[w + 1] as usize];
         let mut shifts = vec![f32x4::ZERO; count * lanes];
         // Constant from sweep to sweep.
@@ -268,7 +316,7 @@ impl<'a> Values<'a> {
                     let (f, k) = (corner as usize >> 2, corner as usize & 3);
                     let wanted = &self.wanted[(3 * f + k) * lanes..][..lanes];
                     let [(one, at_one), (other, at_other)] = OTHER_CORNERS[k];
-                    let (wedges, bb) = (&self.wedges[f], &self.bb[f].0);
+                    let (wedges, bb) = (&wedges[f], &self.bb[f].0);
                     let (by_one, by_other) = (bb[at_one], bb[at_other]);
                     let one = &shifts[wedges[one].index() * lanes..][..lanes];
                     let other = &shifts[wedges[other].index() * lanes..][..lanes];
@@ -286,7 +334,7 @@ impl<'a> Values<'a> {
             let Some(&corner) = of_wedge(w).first() else { continue };
             if let Some(moved) = moved(corner as usize >> 2, corner as usize & 3) {
                 let shift = &shifts[w * lanes..][..lanes];
-                self.attributes.shift(WedgeId(w as u32), shift, moved);
+                attributes.shift(WedgeId(w as u32), shift, moved);
             }
         }
     }
