@@ -1,13 +1,15 @@
 //! Large meshes are swept in blocks. Here the blocks are small, so that small meshes are cut too.
 
-use lodsmith::core::measure::{CompareOptions, compare};
-use lodsmith::core::{TriMesh, shapes};
+use lodsmith::core::measure::{CompareOptions, compare, compare_attributes};
+use lodsmith::core::{RegionId, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    BlockSizes, BorderPolicy, Input, Levels, LodOptions, NoControl, SimplifyError, SimplifyOptions, Stop,
-    StoppedBy, Verdict, lod, simplify, simplify_with,
+    BlockSizes, BorderPolicy, Input, Levels, LodOptions, MethodKind, NoControl, SimplifyError,
+    SimplifyOptions, Stop, StoppedBy, Verdict, lod, simplify, simplify_with,
 };
 
-use crate::support::{EndsFrom, bytes, complaints, places};
+use crate::support::attributed::{attribute_complaints, with_random_attributes};
+use crate::support::charts::{place, two_charts};
+use crate::support::{EndsFrom, Random, bytes, complaints, places};
 
 const SMALL: BlockSizes = BlockSizes { min_faces: 2000, vertices: 200 };
 const OFF: BlockSizes = BlockSizes { min_faces: usize::MAX, vertices: 1 };
@@ -111,5 +113,87 @@ fn levels_are_made_in_blocks() {
     for (a, b) in cut.levels.iter().zip(&whole.levels) {
         assert!(a.report.reached && a.report.faces.abs_diff(b.report.faces) <= 1);
         assert!(bytes(&a.mesh) != bytes(&b.mesh), "it was cut");
+    }
+}
+
+#[test]
+fn attributes_of_all_kinds_are_kept_in_blocks() {
+    let (mut cut_ones, count) = (0, 24);
+    for seed in 0..count {
+        let mut random = Random(seed | 1);
+        // (So small that every invariant of the engine is checked too.)
+        let plain = match seed % 3 {
+            0 => shapes::torus(48, 48),
+            1 => shapes::wavy_sheet(48),
+            _ => shapes::grid_with_holes(56),
+        };
+        let mesh = with_random_attributes(&plain, &mut random);
+        let mut options = options(random.pick(&[0.5, 0.2]), SMALL);
+        options.sharp_deg = (random.below(3) == 0).then_some(8.0);
+        let [one, three] = [1, 3].map(|n| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+            pool.install(|| simplify(&mesh, &options).unwrap())
+        });
+        assert!(bytes(&one.mesh) == bytes(&three.mesh), "seed {seed}");
+        let mut found = complaints(&mesh, &options, &one);
+        found.extend(attribute_complaints(&mesh, options.placement, None, &one.mesh));
+        assert!(found.is_empty(), "seed {seed}: {found:?}");
+        options.blocks = OFF;
+        cut_ones += u32::from(bytes(&one.mesh) != bytes(&simplify(&mesh, &options).unwrap().mesh));
+    }
+    assert!(cut_ones >= 20, "{cut_ones} of {count} were cut");
+}
+
+#[test]
+fn attributes_are_as_close_in_blocks() {
+    let larger = BlockSizes { min_faces: 10_000, vertices: 2000 };
+    let mut mesh = two_charts(150);
+    let height = |p: [f64; 3]| [0.5 + 2.0 * p[2] as f32, 0.5, p[0].sin() as f32 * 0.5 + 0.5, 1.0];
+    let wedges = 0..mesh.wedge_count() as u32;
+    let colors = wedges.map(|w| height(place(&mesh, WedgeId(w)))).collect();
+    mesh.set_colors(Some(colors)).unwrap();
+    let strips = (0..mesh.face_count()).map(|i| RegionId((i * 5 / mesh.face_count()) as u32)).collect();
+    mesh.set_regions(Some(strips)).unwrap();
+    for ratio in [0.5, 0.1] {
+        let errors = |blocks: BlockSizes| {
+            let done = simplify(&mesh, &options(ratio, blocks)).unwrap().mesh;
+            let shape = compare(&mesh.surface(), &done.surface(), &CompareOptions::default()).unwrap();
+            let look = compare_attributes(&mesh, &done, &CompareOptions::default()).unwrap();
+            [shape.rms.symmetric, look.uvs.unwrap().rms.symmetric, look.colors.unwrap().rms.symmetric]
+        };
+        let (cut, whole) = (errors(larger), errors(OFF));
+        assert!(cut != whole, "it was cut");
+        assert!((0..3).all(|k| cut[k] < 1.03 * whole[k]), "at {ratio}: {cut:?} of {whole:?}");
+    }
+}
+
+#[test]
+fn other_methods_are_swept_in_blocks_too() {
+    let larger = BlockSizes { min_faces: 10_000, vertices: 2000 };
+    let (mesh, methods) = (
+        shapes::blob(6, 1),
+        [MethodKind::Quadric, MethodKind::LindstromTurk, MethodKind::Melax, MethodKind::ShortestEdge],
+    );
+    for method in methods {
+        for ratio in [0.5, 0.1] {
+            let run = |blocks: BlockSizes, threads: usize| {
+                let mut options = options(ratio, blocks);
+                options.method = method.into();
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let done = pool.install(|| simplify(&mesh, &options)).unwrap();
+                assert!(done.report.reached, "{method:?}");
+                let found = complaints(&mesh, &options, &done);
+                assert!(found.is_empty(), "{method:?} at {ratio}: {found:?}");
+                done.mesh
+            };
+            let (cut, whole) = (run(larger, 1), run(OFF, 1));
+            assert!(bytes(&cut) == bytes(&run(larger, 3)), "{method:?} at {ratio}");
+            let [cut, whole] = [cut, whole].map(|result| {
+                let compared = compare(&mesh.surface(), &result.surface(), &CompareOptions::default());
+                compared.unwrap().rms.symmetric
+            });
+            assert!(cut != whole, "{method:?} was cut");
+            assert!(cut < 1.05 * whole, "{method:?} at {ratio}: {cut} of {whole}");
+        }
     }
 }

@@ -12,6 +12,7 @@
 mod check;
 mod cost;
 mod merge;
+mod moved;
 mod saved;
 mod slopes;
 mod sum;

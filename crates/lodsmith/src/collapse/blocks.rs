@@ -16,13 +16,16 @@
 //! Blocks depend on the mesh and the options, not on the number of threads, and each sweep has one threshold for all of
 //! them.
 
+mod elements;
+mod values;
+
 use std::borrow::Cow;
-use std::ops::Range;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::Vec3;
-use lodsmith_core::VertexId;
+use lodsmith_core::{VertexId, WedgeId};
 
+use super::attributes::{Attributes, NO_WEDGE};
 use super::bound::{Histogram, UNKNOWN};
 use super::order::{MORTON_BITS, NONE, morton_code};
 use super::store::Store;
@@ -31,6 +34,8 @@ use super::visit::{VisitScratch, list_visits};
 use super::{CollapseRules, Cost, Engine, LiveMesh, Scratch, Tally, Topology, WedgeValues};
 use crate::chunks;
 use crate::cost::metric::Metric;
+use elements::{ByNumber, InBlock};
+use values::{BlockWedges, FaceValues};
 
 /// Number of vertices or faces whose blocks are listed together.
 const CHUNK_LEN: usize = 1 << 14;
@@ -68,6 +73,8 @@ struct NumbersBefore {
     vertices: Vec<u32>,
     /// Of each face, in the mesh that was cut.
     faces: Vec<u32>,
+    /// Of each wedge, in the run.
+    wedges: Vec<WedgeId>,
 }
 
 /// A mesh that is cut into blocks.
@@ -84,49 +91,7 @@ struct FacesBetween {
     corners: Vec<[InBlock; 3]>,
     /// Number of each face in the mesh that was cut.
     numbers: Vec<u32>,
-}
-
-/// A vertex or face in a block: the index of the block, and its own index there. (In 64 bits, for atomic access.)
-#[derive(Clone, Copy)]
-struct InBlock(u64);
-
-impl InBlock {
-    const NONE: u64 = u64::MAX;
-
-    fn new(block: usize, index: usize) -> Self {
-        Self((block as u64) << 32 | index as u64)
-    }
-    #[inline(always)]
-    fn block(self) -> usize {
-        (self.0 >> 32) as usize
-    }
-    #[inline(always)]
-    fn index(self) -> usize {
-        self.0 as u32 as usize
-    }
-}
-
-/// Elements by their number in the mesh that was cut, filled by several threads.
-struct ByNumber(Vec<AtomicU64>);
-
-impl ByNumber {
-    fn new(count: usize) -> Self {
-        Self(chunks::list(count, |_| AtomicU64::new(InBlock::NONE)))
-    }
-
-    #[inline(always)]
-    fn set(&self, number: u32, element: InBlock) {
-        self.0[number as usize].store(element.0, Ordering::Relaxed);
-    }
-
-    /// Returns the elements that are set, in order.
-    fn in_order(&self) -> Vec<InBlock> {
-        let set = |range: Range<usize>| {
-            let all = self.0[range].iter().map(|at| at.load(Ordering::Relaxed));
-            all.filter(|at| *at != InBlock::NONE).map(InBlock).collect::<Vec<_>>()
-        };
-        chunks::map(self.0.len(), set).concat()
-    }
+    values: FaceValues<'static>,
 }
 
 impl<M: Metric> Blocks<M> {
@@ -158,8 +123,8 @@ impl<M: Metric> Blocks<M> {
         found.in_order()
     }
 
-    /// Returns the corners of the live faces, with numbers among the live vertices.
-    fn renumbered_faces(&self, living: &[InBlock]) -> Vec<[VertexId; 3]> {
+    /// Returns the corners of these faces, with numbers among the live vertices.
+    fn renumbered(&self, faces: &[InBlock], living: &[InBlock]) -> Vec<[VertexId; 3]> {
         // Vertices of all blocks, one block after another.
         let mut starts = vec![0];
         for block in &self.all {
@@ -173,7 +138,6 @@ impl<M: Metric> Blocks<M> {
             }
         });
         let number = |element: InBlock| VertexId(at(element).load(Ordering::Relaxed));
-        let faces = self.live_faces();
         chunks::list(faces.len(), |i| {
             let (b, k) = (faces[i].block(), faces[i].index());
             match self.all.get(b) {
@@ -181,6 +145,20 @@ impl<M: Metric> Blocks<M> {
                 None => self.between.corners[k].map(number),
             }
         })
+    }
+
+    /// Returns the values of these faces.
+    fn face_values(&self, faces: &[InBlock]) -> FaceValues<'static> {
+        let numbers = self.all.iter().map(|block| &block.before.wedges[..]).collect();
+        let inside = self.all.iter().map(|block| FaceValues::of(&block.engine.mesh.store));
+        FaceValues::joined(inside.chain([self.between.values.borrowed()]).collect(), numbers, faces)
+    }
+
+    /// Returns the attributes with the wedges of a vertex, the first of these, and the numbers of all wedges in the run.
+    fn wedges(&self, at: InBlock) -> Option<(&Attributes, WedgeId, &[WedgeId])> {
+        let Block { engine, before, .. } = &self.all[at.block()];
+        let LiveMesh { values, store, .. } = &engine.mesh;
+        Some((values.attributes.as_ref()?, *store.first_wedge.get(at.index())?, &before.wedges))
     }
 
     /// Returns a vertex with its number in the ordered input, and its bound.
@@ -284,22 +262,28 @@ impl<M: Metric> Engine<M> {
         if count < 2 {
             return None;
         }
-        let faces = match cut {
-            None => Cow::Borrowed(&store.t),
-            Some(cut) => Cow::Owned(cut.renumbered_faces(&living)),
+        let (faces, values) = match cut {
+            None => (Cow::Borrowed(&store.t), FaceValues::of(store)),
+            Some(cut) => {
+                let faces = cut.live_faces();
+                (Cow::Owned(cut.renumbered(&faces, &living)), cut.face_values(&faces))
+            }
         };
         let block_of_face = chunks::list(faces.len(), |i| {
             let [a, b, c] = faces[i].map(|w| block_of[w.index()]);
             if a == b && b == c { a } else { BETWEEN }
         });
         let mut is_frozen: Vec<bool> = cells.iter().map(|cell| cell & STAYS != 0).collect();
-        let crossing: Vec<usize> = (0..faces.len()).filter(|&i| block_of_face[i] == BETWEEN).collect();
+        let is_between = |&i: &u32| block_of_face[i as usize] == BETWEEN;
+        let crossing: Vec<u32> = (0..faces.len() as u32).filter(is_between).collect();
         for &i in &crossing {
-            faces[i].iter().for_each(|w| is_frozen[w.index()] = true);
+            faces[i as usize].iter().for_each(|w| is_frozen[w.index()] = true);
         }
         let vertex_chunks = chunks_of_blocks(&block_of, count);
         let face_chunks = chunks_of_blocks(&block_of_face, count);
         let local: Vec<AtomicU32> = chunks::list(vertices, |_| AtomicU32::new(0));
+        let wedges = self.mesh.values.attributes.as_ref().map_or(0, Attributes::count);
+        let local_wedge: Vec<AtomicU32> = chunks::list(wedges, |_| AtomicU32::new(0));
         let all = chunks::each(count, |b| {
             let of_block = elements(&block_of, b, &vertex_chunks[b]).map(|i| i as u32);
             let (mut numbers, free): (Vec<u32>, Vec<u32>) = of_block.partition(|&i| is_frozen[i as usize]);
@@ -323,14 +307,31 @@ impl<M: Metric> Engine<M> {
                 t.push(faces[i].map(|w| VertexId(local[w.index()].load(Ordering::Relaxed))));
                 of_faces.push(i as u32);
             }
-            let mut store = Store::of_vertices(v, bound, t);
-            store.link();
+            let mut own = Store::of_vertices(v, bound, t);
+            own.link();
+            values.of_some(&of_faces).put_into(&mut own);
+            own.classes.clone_from(&store.classes);
+            let (mut attributes, mut wedges) = (None, Vec::new());
+            if let Some(all) = &self.mesh.values.attributes {
+                let chains = numbers.iter().map(|&i| match cut {
+                    None => Some((all, store.first_wedge[i as usize], &[][..])),
+                    Some(cut) => cut.wedges(living[i as usize]),
+                });
+                let found = BlockWedges::of(all, chains.flatten(), numbers.len());
+                for (k, w) in found.numbers.iter().enumerate() {
+                    local_wedge[w.index()].store(k as u32, Ordering::Relaxed);
+                }
+                for w in own.wedges.iter_mut().flatten().flatten() {
+                    *w = WedgeId(local_wedge[w.index()].load(Ordering::Relaxed));
+                }
+                (own.first_wedge, attributes, wedges) = (found.first, Some(found.attributes), found.numbers);
+            }
             let cost_factors = self.mesh.constraints.cost_factors.as_ref();
             let cost_factors = cost_factors.map(|all| origins.iter().map(|o| all[o.index()]).collect());
-            let engine = self.mesh.engine_of_block(store, cost_factors);
+            let engine = self.mesh.engine_of_block(own, cost_factors, attributes);
             Block {
                 engine,
-                before: NumbersBefore { origins, vertices: numbers, faces: of_faces },
+                before: NumbersBefore { origins, vertices: numbers, faces: of_faces, wedges },
                 frozen,
                 scratch: VisitScratch::default(),
                 visits: Vec::new(),
@@ -342,8 +343,9 @@ impl<M: Metric> Engine<M> {
             InBlock::new(usize::from(block_of[w.index()]), k as usize)
         };
         let between = FacesBetween {
-            corners: crossing.iter().map(|&i| faces[i].map(corner)).collect(),
-            numbers: crossing.iter().map(|&i| i as u32).collect(),
+            corners: crossing.iter().map(|&i| faces[i as usize].map(corner)).collect(),
+            values: values.of_some(&crossing),
+            numbers: crossing,
         };
         Some(Blocks { all, between, vertices, faces: faces.len() })
     }
@@ -366,19 +368,45 @@ impl<M: Metric> Engine<M> {
         }
     }
 
+    /// Releases elements that are in blocks.
+    pub(super) fn release_elements(&mut self) {
+        self.mesh.store.release_elements();
+        self.mesh.values.attributes.iter_mut().for_each(Attributes::take_rows);
+    }
+
     /// Makes one mesh of the blocks again, in the order that it had.
     pub(super) fn gather(&mut self, blocks: &Blocks<M>) {
         let living = blocks.live_vertices();
         let v = chunks::list(living.len(), |i| blocks.vertex(living[i]).0);
         let bound = chunks::list(living.len(), |i| blocks.vertex(living[i]).1);
-        let t = blocks.renumbered_faces(&living);
-        self.mesh.store.put_elements(v, bound, t);
+        let faces = blocks.live_faces();
+        self.mesh.store.put_elements(v, bound, blocks.renumbered(&faces, &living));
+        blocks.face_values(&faces).put_into(&mut self.mesh.store);
+        self.take_wedges(blocks, &living);
+    }
+
+    /// Takes the wedges of all blocks back; the vertices are `living`.
+    fn take_wedges(&mut self, blocks: &Blocks<M>, living: &[InBlock]) {
+        let Some(all) = &mut self.mesh.values.attributes else { return };
+        all.make_room();
+        for (own, first, numbers) in living.iter().filter_map(|&at| blocks.wedges(at)) {
+            own.chain(first).for_each(|w| all.put(own, w, numbers));
+        }
+        self.mesh.store.first_wedge = chunks::list(living.len(), |i| match blocks.wedges(living[i]) {
+            Some((_, first, numbers)) if first != NO_WEDGE => numbers[first.index()],
+            _ => NO_WEDGE,
+        });
     }
 }
 
 impl<M: Metric> LiveMesh<M> {
     /// Returns an engine for a block, with the rules and the reference sizes of the whole mesh.
-    fn engine_of_block(&self, store: Store<M::Memory>, cost_factors: Option<Vec<f32>>) -> Engine<M> {
+    fn engine_of_block(
+        &self,
+        store: Store<M::Memory>,
+        cost_factors: Option<Vec<f32>>,
+        attributes: Option<Attributes>,
+    ) -> Engine<M> {
         let Cost { metric, area, total_area, mean_face, .. } = self.cost;
         let CollapseRules { rules, looseness, keeps_parts, .. } = self.constraints;
         Engine {
@@ -393,7 +421,7 @@ impl<M: Metric> LiveMesh<M> {
                     cuts_necks: false,
                     keeps_parts,
                 },
-                values: WedgeValues { attributes: None, wedge_data: None },
+                values: WedgeValues { attributes, wedge_data: None },
                 sampled: None,
                 bounded: None,
                 topology: Topology::default(),
@@ -486,39 +514,64 @@ impl<M: Metric> Block<M> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use lodsmith_core::{TriMesh, shapes};
+    use lodsmith_core::{RegionId, TriMesh, shapes};
 
     use super::*;
     use crate::collapse::invariants::Checks;
     use crate::cost::metric::{MELAX, Memoryless, Quadric};
     use crate::options::SimplifyOptions;
-    use crate::test_support::with_engine;
+    use crate::test_support::{in_two_charts, with_engine};
 
     const VERTICES: usize = 200;
 
-    /// Returns everything that a cut and a gathering keep.
-    fn elements_of<M: Metric>(engine: &Engine<M>) -> (Vec<[u32; 4]>, Vec<[VertexId; 3]>) {
+    /// Returns everything that a cut and a gathering keep: of vertices, of faces, and of the wedges of each vertex.
+    fn elements_of<M: Metric>(engine: &Engine<M>) -> [Vec<Vec<u32>>; 3] {
         let store = &engine.mesh.store;
         let vertex = |x: &Vertex<M::Memory>| {
             let [a, b, c] = x.p.to_array().map(f32::to_bits);
-            [a, b, c, x.origin.0]
+            vec![a, b, c, x.origin.0]
         };
-        (store.v.iter().map(vertex).collect(), store.t.clone())
+        let face = |i: usize| {
+            let mut all = store.t[i].map(|v| v.0).to_vec();
+            all.extend(store.wedges.iter().flat_map(|wedges| wedges[i].map(|w| w.0)));
+            all.extend(store.regions.iter().map(|regions| regions[i].0));
+            all.extend(store.creases.iter().map(|bits| u32::from(bits[i])));
+            all
+        };
+        let chain = |&first: &WedgeId| {
+            let attributes = engine.mesh.values.attributes.as_ref().expect("values of the wedges");
+            let of = |w: WedgeId| attributes.of(w).iter().map(|x| x.to_bits()).chain([w.0]);
+            attributes.chain(first).flat_map(of).collect()
+        };
+        [
+            store.v.iter().map(vertex).collect(),
+            (0..store.t.len()).map(face).collect(),
+            store.first_wedge.iter().map(chain).collect(),
+        ]
     }
 
     #[test]
     fn a_mesh_that_is_cut_and_gathered_is_the_same() {
-        for (name, mesh) in shapes::all() {
-            with_engine(Memoryless, &mesh, &SimplifyOptions::default(), &mut |engine, _| {
-                engine.mesh.store.compact();
-                let before = elements_of(engine);
-                let Some(first) = engine.cut_into_blocks(None, 0, 50) else { return };
-                engine.mesh.store.take_elements();
-                let second = engine.cut_into_blocks(Some(&first), 1, 30);
-                engine.gather(second.as_ref().unwrap_or(&first));
-                assert_eq!(elements_of(engine), before, "{name}");
-            });
+        let mut cuts = 0;
+        for (name, plain) in shapes::all() {
+            let mut valued = in_two_charts(&plain);
+            let regions = (0..valued.face_count() as u32).map(|i| RegionId(i / 8 % 3)).collect();
+            valued.set_regions(Some(regions)).expect("one for each face");
+            for mesh in [plain, valued] {
+                let options = SimplifyOptions { sharp_deg: Some(20.0), ..SimplifyOptions::default() };
+                with_engine(Memoryless, &mesh, &options, &mut |engine, _| {
+                    engine.mesh.store.compact();
+                    let before = elements_of(engine);
+                    let Some(first) = engine.cut_into_blocks(None, 0, 50) else { return };
+                    engine.release_elements();
+                    let second = engine.cut_into_blocks(Some(&first), 1, 30);
+                    engine.gather(second.as_ref().unwrap_or(&first));
+                    assert_eq!(elements_of(engine), before, "{name}");
+                    cuts += 1;
+                });
+            }
         }
+        assert!(cuts > 10, "{cuts}");
     }
 
     #[test]
@@ -562,7 +615,7 @@ mod tests {
             let mut bounds: Vec<f32> = Vec::new();
             for round in 0..3 {
                 let Some(mut blocks) = engine.cut_into_blocks(cut.as_ref(), round, VERTICES) else { break };
-                engine.mesh.store.take_elements();
+                engine.release_elements();
                 let live = engine.mesh.store.live_faces;
                 let area = (engine.mesh.cost.total_area / live as f64) as f32;
                 let tau = if bounds.is_empty() { 1e-7 } else { f32::MAX };

@@ -123,10 +123,10 @@ impl<Q: VertexMemory> Store<Q> {
         store
     }
 
-    /// Takes out vertices, bounds and faces; numbers in the ordered input stay.
-    pub(super) fn take_elements(&mut self) -> (Vec<Vertex<Q>>, Vec<f32>, Vec<[VertexId; 3]>) {
-        self.corners = Vec::new();
-        (std::mem::take(&mut self.v), std::mem::take(&mut self.bound), std::mem::take(&mut self.t))
+    /// Releases all elements; numbers in the ordered input stay.
+    pub(super) fn release_elements(&mut self) {
+        (self.v, self.bound, self.t, self.corners) = Default::default();
+        (self.wedges, self.first_wedge, self.regions, self.creases) = Default::default();
     }
 
     /// Puts in vertices, bounds and faces of other numbers, all live; the corner lists are still to be filled.

@@ -278,7 +278,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.find_details(final_goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
         let request = SweepRequest { goal: final_goal, pause, original, is_extreme };
-        if M::IS_SWEPT_IN_BLOCKS && self.may_be_cut() {
+        if self.may_be_cut() {
             match self.sweep_in_blocks(sweeps, &request, control) {
                 Verdict::Continue => {}
                 Verdict::Finish => return Some(StopReason::Finish),
@@ -324,12 +324,10 @@ impl<M: Metric> Engine<M> {
     /// True if blocks of the mesh can be swept side by side, with the same rules.
     fn may_be_cut(&self) -> bool {
         let LiveMesh { store, constraints, values, sampled, bounded, topology, .. } = &self.mesh;
-        let is_plain = store.wedges.is_none() && store.regions.is_none() && store.creases.is_none();
         let is_early = sampled.is_none() && bounded.is_none() && constraints.details.is_none();
         let keeps_topology = topology.parts.is_none() && topology.pairs.is_none() && !constraints.cuts_necks;
         let has_count = !constraints.rules.max_estimate.is_finite();
-        is_plain
-            && is_early
+        is_early
             && keeps_topology
             && has_count
             && self.record.is_none()
@@ -365,7 +363,7 @@ impl<M: Metric> Engine<M> {
                     None => self.mesh.store.compact_if_needed(),
                 }
                 let Some(cut) = self.cut_into_blocks(blocks.as_ref(), rounds, sizes.vertices) else { break };
-                self.mesh.store.take_elements();
+                self.release_elements();
                 (blocks, rounds) = (Some(cut), rounds + 1);
             }
             let Some(cut) = &mut blocks else { break };

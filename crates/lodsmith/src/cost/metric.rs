@@ -108,8 +108,6 @@ impl Dimension {
 pub(crate) trait Metric: Copy + Send + Sync {
     /// Data that a vertex carries, relative to its own position.
     type Memory: VertexMemory;
-    /// True if large meshes are swept in blocks with it. (Each such metric makes the code larger.)
-    const IS_SWEPT_IN_BLOCKS: bool = false;
 
     /// Returns the tensor of the memory.
     fn tensor_of(memory: &Self::Memory) -> &Tensor;

@@ -16,7 +16,6 @@ pub(crate) struct Memoryless;
 
 impl Metric for Memoryless {
     type Memory = Tensor;
-    const IS_SWEPT_IN_BLOCKS: bool = true;
 
     #[inline(always)]
     fn tensor_of(memory: &Tensor) -> &Tensor {
