@@ -212,23 +212,35 @@ fn find_nearest<Q: VertexMemory>(
     if suspects.is_empty() {
         return;
     }
-    // The suspects that have each vertex in their star, sorted by vertex.
-    let mut stars: Vec<(VertexId, usize)> = Vec::new();
-    for (i, suspect) in suspects.iter().enumerate() {
-        stars.extend(store.listed(suspect.vertex).iter().flat_map(|c| store.t[c.face()]).map(|w| (w, i)));
+    // The suspects that have each vertex in their star, by vertex, and the ends of these lists.
+    let mut ends = vec![0u32; store.v.len()];
+    each_of_stars(store, suspects, |w, _| ends[w.index()] += 1);
+    let mut count = 0;
+    for end in &mut ends {
+        count += std::mem::replace(end, count);
     }
-    stars.sort_unstable();
-    stars.dedup();
-    let mut is_in_star = vec![false; store.v.len()];
-    stars.iter().for_each(|(w, _)| is_in_star[w.index()] = true);
-    let is_near = |h: VertexId| h != NONE && is_in_star[h.index()];
+    let mut stars = vec![0u32; count as usize];
+    each_of_stars(store, suspects, |w, suspect| {
+        let end = &mut ends[w.index()];
+        stars[*end as usize] = suspect;
+        *end += 1;
+    });
     let found = chunks::map(given.all_faces(), |range| {
         let mut nearer = Vec::new();
+        // The last face that was compared with each suspect: several of its corners may be in one star.
+        let (mut compared, mut face) = (vec![0u32; suspects.len()], 0);
         given.visit_faces(range, |t| {
-            let homes = t.map(|w| home[w.index()]);
-            for h in homes.into_iter().filter(|&h| is_near(h)) {
-                let first = stars.partition_point(|s| s.0 < h);
-                for &(_, i) in stars[first..].iter().take_while(|s| s.0 == h) {
+            face += 1;
+            for w in t {
+                let home = home[w.index()].index();
+                // (None is beyond all vertices.)
+                let Some(&end) = ends.get(home) else { continue };
+                let first = home.checked_sub(1).map_or(0, |before| ends[before]);
+                for &i in &stars[first as usize..end as usize] {
+                    let i = i as usize;
+                    if std::mem::replace(&mut compared[i], face) == face {
+                        continue;
+                    }
                     let found = nearest(store, suspects[i].vertex, t, given);
                     if found.0 < suspects[i].found.0 {
                         nearer.push((i, found));
@@ -240,5 +252,21 @@ fn find_nearest<Q: VertexMemory>(
     });
     for (suspect, found) in found.into_iter().flatten() {
         suspects[suspect].take_if_nearer(found);
+    }
+}
+
+/// Visits each vertex of the star of each suspect, once for each, with the number of the suspect.
+fn each_of_stars<Q: VertexMemory>(
+    store: &Store<Q>,
+    suspects: &[Outlier],
+    mut visit: impl FnMut(VertexId, u32),
+) {
+    let mut last = vec![u32::MAX; store.v.len()];
+    for (i, suspect) in (0..).zip(suspects) {
+        for w in store.listed(suspect.vertex).iter().flat_map(|c| store.t[c.face()]) {
+            if std::mem::replace(&mut last[w.index()], i) != i {
+                visit(w, i);
+            }
+        }
     }
 }
