@@ -31,8 +31,12 @@ impl<M: Metric> LiveMesh<M> {
     pub(crate) fn start_sampling(&mut self, points: &[Vec3], faces: &[[VertexId; 3]]) {
         self.store.compact();
         let home = self.store.homes();
-        let mut bags = vec![SampleSet::default(); self.store.v.len()];
-        let stride = ((points.len() + faces.len()) / (SAMPLES_PER_VERTEX * self.store.v.len()).max(1)).max(1);
+        let count = self.store.v.len().max(1);
+        let stride = ((points.len() + faces.len()) / (SAMPLES_PER_VERTEX * count)).max(1);
+        // (Room for twice the mean, so that few sets grow.)
+        let room = 2 * (points.len() + faces.len()) / (stride * count);
+        let empty = || SampleSet { samples: Vec::with_capacity(room), loss: 0.0 };
+        let mut bags: Vec<SampleSet> = std::iter::repeat_with(empty).take(self.store.v.len()).collect();
         let mut sum = 0.0;
         for t in faces.iter().step_by(stride) {
             let [a, b, c] = t.map(|w| points[w.index()]);

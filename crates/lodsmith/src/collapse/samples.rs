@@ -82,16 +82,21 @@ pub(super) struct SampledCost {
 /// Stops once the loss exceeds `max_loss`.
 pub(super) fn measure(samples: &[Sample], star: &Star, max_loss: f32) -> (f32, usize, f32) {
     let (mut loss, mut worst, mut far) = (0f32, 0f32, 0);
-    for (i, four) in samples.chunks(4).enumerate() {
-        // An unused lane repeats the last sample with weight 0.
-        let lane = |k: usize| four[k.min(four.len() - 1)].p;
-        let axis = |j: usize| f32x4::new([lane(0)[j], lane(1)[j], lane(2)[j], lane(3)[j]]);
-        let weight = |k: usize| four.get(k).map_or(0.0, |s| s.weight);
-        let nearest = star.distance_sq([axis(0), axis(1), axis(2)]);
-        loss += (nearest * f32x4::new([weight(0), weight(1), weight(2), weight(3)])).reduce_add();
-        for (k, nearest) in nearest.to_array().into_iter().enumerate() {
-            if nearest > worst {
-                (worst, far) = (nearest, 4 * i + k.min(four.len() - 1));
+    let (fours, rest) = samples.as_chunks::<4>();
+    // An unused lane repeats the last sample with weight 0.
+    let last = rest.last().map(|&last| {
+        let unused = Sample { weight: 0.0, ..last };
+        [0, 1, 2, 3].map(|k| rest.get(k).copied().unwrap_or(unused))
+    });
+    for (i, four) in fours.iter().chain(&last).enumerate() {
+        let [x, y, z, weight] = f32x4::transpose(four.map(|s| f32x4::new([s.p.x, s.p.y, s.p.z, s.weight])));
+        let nearest = star.distance_sq(&[x, y, z]);
+        loss += (nearest * weight).reduce_add();
+        if nearest.simd_gt(f32x4::splat(worst)).any() {
+            for (k, nearest) in nearest.to_array().into_iter().enumerate() {
+                if nearest > worst {
+                    (worst, far) = (nearest, samples.len().min(4 * i + k + 1) - 1);
+                }
             }
         }
         if loss > max_loss {

@@ -1,49 +1,58 @@
 //! Squared distances to the star of a vertex, four points side by side.
+//!
+//! A star is set once and measured against tens of points, so its numbers are stored four times each: then an
+//! operation of a vector reads them from memory, and none has to be spread first.
 
 use glam::Vec3;
 use lodsmith_core::VertexId;
 use wide::f32x4;
 
+use crate::cost::lanes::{Four, dot, splat, sub};
+
 /// The triangles around a position, preprocessed. The nearest point is inside one of them, on an edge of
 /// the rim, or on a spoke, which two triangles share.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Star {
-    centre: Vec3,
+    centre: Four,
     triangles: Vec<Triangle>,
-    /// The rim's vertices, relative to the centre; each once if they are few.
-    spokes: Vec<(VertexId, Segment)>,
+    /// The rim's vertices, each once if they are few.
+    rim: Vec<VertexId>,
+    /// From the centre to each of them.
+    spokes: Vec<Segment>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Triangle {
     /// Unit normal.
-    normal: Vec3,
+    normal: Four,
     /// Gradients of the barycentric coordinates on the rim.
-    a: Vec3,
-    b: Vec3,
-    from: Vec3,
+    a: Four,
+    b: Four,
+    from: Four,
     rim: Segment,
 }
 
 /// A segment from a point along a vector.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
-    along: Vec3,
+    along: Four,
     /// The vector over its squared length.
-    per_length: Vec3,
+    per_length: Four,
 }
 
 impl Segment {
+    #[inline(always)]
     fn new(along: Vec3) -> Self {
-        Self { along, per_length: along * (1.0 / along.length_squared().max(1e-37)) }
+        let per_length = along * (1.0 / along.length_squared().max(1e-37));
+        Self { along: splat(along), per_length: splat(per_length) }
     }
 
     /// Returns the squared distances of points, relative to the start of the segment.
     #[inline(always)]
-    fn distance_sq(&self, q: &[f32x4; 3]) -> f32x4 {
-        let t = dot(q, self.per_length).fast_max(f32x4::ZERO).fast_min(f32x4::ONE);
+    fn distance_sq(&self, q: &Four) -> f32x4 {
+        let t = dot(q, &self.per_length).fast_max(f32x4::ZERO).fast_min(f32x4::ONE);
         let r = [0, 1, 2].map(|k| q[k] - t * self.along[k]);
-        r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        dot(&r, &r)
     }
 }
 
@@ -54,13 +63,15 @@ const SEARCHED_SPOKES: usize = 64;
 impl Star {
     /// Builds the star of `centre` from rim edges, each given by its two vertices and their positions.
     pub(super) fn set(&mut self, centre: Vec3, rim: impl Iterator<Item = [(VertexId, Vec3); 2]>) {
-        self.centre = centre;
+        self.centre = splat(centre);
         self.triangles.clear();
+        self.rim.clear();
         self.spokes.clear();
         for [a, b] in rim {
             for (w, p) in [a, b] {
-                if !self.spokes.iter().rev().take(SEARCHED_SPOKES).any(|s| s.0 == w) {
-                    self.spokes.push((w, Segment::new(p - centre)));
+                if !self.rim.iter().rev().take(SEARCHED_SPOKES).any(|known| *known == w) {
+                    self.rim.push(w);
+                    self.spokes.push(Segment::new(p - centre));
                 }
             }
             let (to_a, to_b) = (a.1 - centre, b.1 - centre);
@@ -70,10 +81,10 @@ impl Star {
             let slope = normal * per_area;
             let rim = Segment::new(to_b - to_a);
             self.triangles.push(Triangle {
-                normal,
-                a: to_b.cross(slope),
-                b: slope.cross(to_a),
-                from: to_a,
+                normal: splat(normal),
+                a: splat(to_b.cross(slope)),
+                b: splat(slope.cross(to_a)),
+                from: splat(to_a),
                 rim,
             });
         }
@@ -86,26 +97,20 @@ impl Star {
 
     /// Returns the squared distances of four points; infinite if there is no triangle.
     #[inline(always)]
-    pub(super) fn distance_sq(&self, points: [f32x4; 3]) -> f32x4 {
-        let q = [0, 1, 2].map(|k| points[k] - f32x4::splat(self.centre[k]));
+    pub(super) fn distance_sq(&self, points: &Four) -> f32x4 {
+        let q = sub(points, &self.centre);
         let mut least = f32x4::splat(f32::INFINITY);
-        for (_, spoke) in &self.spokes {
+        for spoke in &self.spokes {
             least = least.fast_min(spoke.distance_sq(&q));
         }
         for t in &self.triangles {
-            let from = [0, 1, 2].map(|k| q[k] - f32x4::splat(t.from[k]));
-            least = least.fast_min(t.rim.distance_sq(&from));
-            let (a, b, height) = (dot(&q, t.a), dot(&q, t.b), dot(&q, t.normal));
+            least = least.fast_min(t.rim.distance_sq(&sub(&q, &t.from)));
+            let (a, b, height) = (dot(&q, &t.a), dot(&q, &t.b), dot(&q, &t.normal));
             let inside = a.simd_gt(f32x4::ZERO) & b.simd_gt(f32x4::ZERO) & (a + b).simd_lt(f32x4::ONE);
             least = inside.bitselect((height * height).fast_min(least), least);
         }
         least
     }
-}
-
-#[inline(always)]
-fn dot(q: &[f32x4; 3], d: Vec3) -> f32x4 {
-    q[0] * d.x + q[1] * d.y + q[2] * d.z
 }
 
 #[cfg(test)]
@@ -137,7 +142,7 @@ mod tests {
             let id = |i: usize| VertexId(i as u32);
             star.set(centre, rim.windows(2).enumerate().map(|(i, p)| [(id(i), p[0]), (id(i + 1), p[1])]));
             let points = [tame[0] * 2.0, tame[1] * 2.0, corners[0] * 2.0, corners[1] * 2.0];
-            let found = star.distance_sq([0, 1, 2].map(|k| f32x4::new(points.map(|p| p[k])))).to_array();
+            let found = star.distance_sq(&[0, 1, 2].map(|k| f32x4::new(points.map(|p| p[k])))).to_array();
             for (q, found) in points.into_iter().zip(found) {
                 let to = |p: &[Vec3]| {
                     nearest(q.as_dvec3(), [centre, p[0], p[1]].map(Vec3::as_dvec3)).distance_sq as f32
@@ -165,7 +170,7 @@ mod tests {
             star.set(centre, (0..n).map(|i| [i, i + 1].map(|j| (VertexId(j as u32), rim[j]))));
             for _ in 0..200 {
                 let four = [point() * 3.0, point() * 3.0, point(), point()];
-                let found = star.distance_sq([0, 1, 2].map(|k| f32x4::new(four.map(|p| p[k]))));
+                let found = star.distance_sq(&[0, 1, 2].map(|k| f32x4::new(four.map(|p| p[k]))));
                 for (q, found) in four.into_iter().zip(found.to_array()) {
                     let near = |i: usize| triangle::closest(q, centre, rim[i], rim[i + 1]).0;
                     let wanted = (0..n).map(near).fold(f32::INFINITY, f32::min);
