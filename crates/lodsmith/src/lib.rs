@@ -153,10 +153,12 @@ pub use two_sided::two_sided_faces;
 ///
 /// Peak memory beyond the mesh, for each of its triangles, positions alone: 119 to 128 bytes at 0.2 million
 /// triangles and 75 at 2 million with most edge collapses, 177 and 107 with [`Method::Quadric`], 58 and 37
-/// with [`Method::Cluster`]; other methods take 195 to 630. Each value of an attribute adds 29 and 20,
+/// with [`Method::Cluster`]; other methods take 195 to 630. Edge collapses of large meshes may take twice as much while
+/// the mesh is cut into blocks (docs/decisions/0032). Each value of an attribute adds 29 and 20,
 /// [`Measure::Always`] 100, and a stop at an error 150 to 760. (Measured: docs/decisions/0022.)
 ///
-/// A run uses one thread; [`Method::Cluster`] and the measurement use the caller's rayon pool.
+/// Large meshes (from 400,000 faces on), [`Method::Cluster`] and the measurement use the caller's rayon pool, other runs one
+/// thread; the result does not depend on their number.
 ///
 /// # Other data of the mesh
 /// For data that the mesh does not hold, [`correspondence`](lodsmith_core::correspondence::correspondence)
