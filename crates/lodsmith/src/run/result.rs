@@ -93,8 +93,9 @@ impl Run<'_, '_> {
         Ok(result)
     }
 
-    /// Returns the data for the attributes that [`Self::completed`] has to add to a result. The engine has values or wedges for all its corners; faces
-    /// across moved seams, and colours of palettes, need a look at the input, which takes longer than a run.
+    /// Returns the data for the attributes that [`Self::completed`] has to add to a result. The engine has values or
+    /// wedges for all its corners; faces across moved seams, and colours of palettes, need a look at the input, which
+    /// takes longer than a run.
     pub(super) fn missing_attributes<M: Metric>(
         &self,
         engine: &Engine<M>,
