@@ -180,6 +180,8 @@ pub(crate) struct CollapseRules {
     details: Option<Box<Details>>,
     /// True if a collapse that would pinch the surface may cut it there instead.
     pub(crate) cuts_necks: bool,
+    /// In a block, the first so many vertices may have faces elsewhere, and stay as they are.
+    frozen: usize,
     /// True if whole parts stay even when no other collapse is possible.
     pub(crate) keeps_parts: bool,
 }
@@ -299,6 +301,7 @@ impl<M: Metric> Engine<M> {
                 cost_factors: None,
                 details: None,
                 cuts_necks: false,
+                frozen: 0,
                 keeps_parts: false,
             },
             values: WedgeValues { attributes, wedge_data },

@@ -87,6 +87,22 @@ fn locks_weights_and_borders_hold_in_blocks() {
 }
 
 #[test]
+fn importance_counts_in_blocks() {
+    let mesh = shapes::icosphere(5);
+    let view = mesh.positions().view();
+    let importance: Vec<f32> = view.iter().map(|p| if p[2] > 0.0 { 4.0 } else { 1.0 }).collect();
+    let above = |blocks: BlockSizes| {
+        let input = Input::new(&mesh).importance(&importance);
+        let done = simplify_with(input, &options(0.25, blocks), &mut NoControl).unwrap();
+        let above = done.mesh.positions().view().iter().filter(|p| p[2] > 0.0).count();
+        (bytes(&done.mesh), above as f64 / done.mesh.vertex_count() as f64)
+    };
+    let (cut, whole) = (above(SMALL), above(OFF));
+    assert!(cut.0 != whole.0, "it was cut");
+    assert!((cut.1 - whole.1).abs() < 0.04 && cut.1 > 0.7, "{} and {} of the vertices", cut.1, whole.1);
+}
+
+#[test]
 fn a_caller_can_end_sweeps_in_blocks() {
     let mesh = shapes::blob(5, 1);
     let mut counts = Vec::new();
@@ -125,7 +141,7 @@ fn attributes_of_all_kinds_are_kept_in_blocks() {
         let plain = match seed % 3 {
             0 => shapes::torus(48, 48),
             1 => shapes::wavy_sheet(48),
-            _ => shapes::grid_with_holes(56),
+            _ => shapes::grid_with_holes(52),
         };
         let mesh = with_random_attributes(&plain, &mut random);
         let mut options = options(random.pick(&[0.5, 0.2]), SMALL);

@@ -27,6 +27,7 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::attributes::{Attributes, NO_WEDGE};
 use super::bound::{Histogram, UNKNOWN};
+use super::hub_budget::HubBudget;
 use super::order::{MORTON_BITS, NONE, morton_code};
 use super::store::Store;
 use super::vertex::Vertex;
@@ -58,8 +59,6 @@ const BETWEEN: u16 = u16::MAX;
 struct Block<M: Metric> {
     engine: Engine<M>,
     before: NumbersBefore,
-    /// The first so many vertices are frozen.
-    frozen: usize,
     scratch: VisitScratch,
     visits: Vec<VertexId>,
     /// Bounds of the free vertices after a sweep.
@@ -255,8 +254,10 @@ impl<M: Metric> Engine<M> {
                 None => &store.v[i],
                 Some(cut) => &cut.all[living[i].block()].engine.mesh.store.v[living[i].index()],
             };
-            // (Non-manifold vertices change the kinds of their neighbours, some of which may have other faces.)
-            grid.cell(x.p) | if x.kind.is_complex() { STAYS } else { 0 }
+            // (Non-manifold vertices change the kinds of their neighbours, some of which may have other faces. Blocks have
+            // no budget for hubs.)
+            let stays = x.kind.is_complex() || HubBudget::may_be_hub(x.count as usize);
+            grid.cell(x.p) | if stays { STAYS } else { 0 }
         });
         let (block_of, count) = blocks_of(&cells, min_vertices.max(cells.len() / MAX_BLOCKS));
         if count < 2 {
@@ -328,11 +329,10 @@ impl<M: Metric> Engine<M> {
             }
             let cost_factors = self.mesh.constraints.cost_factors.as_ref();
             let cost_factors = cost_factors.map(|all| origins.iter().map(|o| all[o.index()]).collect());
-            let engine = self.mesh.engine_of_block(own, cost_factors, attributes);
+            let engine = self.mesh.engine_of_block(own, frozen, cost_factors, attributes);
             Block {
                 engine,
                 before: NumbersBefore { origins, vertices: numbers, faces: of_faces, wedges },
-                frozen,
                 scratch: VisitScratch::default(),
                 visits: Vec::new(),
                 bounds: Histogram::of(&[]),
@@ -404,6 +404,7 @@ impl<M: Metric> LiveMesh<M> {
     fn engine_of_block(
         &self,
         store: Store<M::Memory>,
+        frozen: usize,
         cost_factors: Option<Vec<f32>>,
         attributes: Option<Attributes>,
     ) -> Engine<M> {
@@ -419,6 +420,7 @@ impl<M: Metric> LiveMesh<M> {
                     cost_factors,
                     details: None,
                     cuts_necks: false,
+                    frozen,
                     keeps_parts,
                 },
                 values: WedgeValues { attributes, wedge_data: None },
@@ -442,7 +444,7 @@ impl<M: Metric> Blocks<M> {
 
     /// Returns the share of the live vertices that are not frozen.
     pub(super) fn free_share(&self, live_vertices: usize) -> f64 {
-        let frozen: usize = self.all.iter().map(|block| block.frozen).sum();
+        let frozen: usize = self.all.iter().map(|block| block.engine.mesh.constraints.frozen).sum();
         1.0 - frozen as f64 / live_vertices.max(1) as f64
     }
 
@@ -478,8 +480,8 @@ impl<M: Metric> Blocks<M> {
 impl<M: Metric> Block<M> {
     /// Marks frozen vertices and their neighbours as not visited: edges between them have not been evaluated.
     fn forget_frozen(&mut self) {
-        let store = &mut self.engine.mesh.store;
-        for u in (0..self.frozen).map(VertexId::new) {
+        let LiveMesh { store, constraints, .. } = &mut self.engine.mesh;
+        for u in (0..constraints.frozen).map(VertexId::new) {
             store.bound[u.index()] = UNKNOWN;
             for k in 0..store.listed(u).len() {
                 let (a, b) = store.others_at(store.listed(u)[k]);
@@ -490,9 +492,10 @@ impl<M: Metric> Block<M> {
 
     /// Sweeps once over the free vertices, until `quota` collapses are done.
     fn sweep(&mut self, tau: f32, quota: u64) {
-        let Self { engine, scratch, visits, frozen, .. } = self;
+        let Self { engine, scratch, visits, .. } = self;
+        let frozen = engine.mesh.constraints.frozen;
         let quota = engine.tally.collapses.saturating_add(quota);
-        list_visits(&engine.mesh.store.bound[*frozen..], *frozen, tau, false, visits);
+        list_visits(&engine.mesh.store.bound[frozen..], frozen, tau, false, visits);
         for (at, &u) in visits.iter().enumerate() {
             engine.mesh.store.prefetch(visits, at);
             if engine.tally.collapses >= quota {
@@ -506,7 +509,7 @@ impl<M: Metric> Block<M> {
                 engine.mesh.store.repack();
             }
         }
-        self.bounds = Histogram::of(&engine.mesh.store.bound[*frozen..]);
+        self.bounds = Histogram::of(&engine.mesh.store.bound[frozen..]);
     }
 }
 
@@ -514,7 +517,9 @@ impl<M: Metric> Block<M> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use lodsmith_core::{RegionId, TriMesh, shapes};
+    use std::f64::consts::TAU;
+
+    use lodsmith_core::{Positions, RegionId, TriMesh, shapes};
 
     use super::*;
     use crate::collapse::invariants::Checks;
@@ -586,11 +591,12 @@ mod tests {
                 assert!(blocks.all.len() > 5);
                 let mut seen = BTreeSet::new();
                 let mut frozen = BTreeSet::new();
-                for Block { engine, before, frozen: first, .. } in &blocks.all {
+                for Block { engine, before, .. } in &blocks.all {
+                    let first = engine.mesh.constraints.frozen;
                     assert!(engine.mesh.store.v.len() >= 1000);
                     seen.extend(before.vertices.iter().copied());
-                    frozen.extend(before.vertices[..*first].iter().copied());
-                    for u in *first..before.vertices.len() {
+                    frozen.extend(before.vertices[..first].iter().copied());
+                    for u in first..before.vertices.len() {
                         let degree = engine.mesh.store.listed(VertexId::new(u)).len();
                         assert_eq!(degree, degrees[before.vertices[u] as usize]);
                     }
@@ -604,6 +610,34 @@ mod tests {
             let [first, second] = &frozen;
             let stay = first.intersection(second).count();
             assert!(first.len() < count / 4 && stay < first.len() / 2, "{stay} of {}", first.len());
+        });
+    }
+
+    #[test]
+    fn hubs_are_frozen() {
+        // A cone of 600 sides in six rings: one block has the tip, and 600 faces there.
+        let around = 600;
+        let ring = |k: u32| (0..around).map(move |i| (f64::from(i) * TAU / f64::from(around), f64::from(k)));
+        let rings = (1..=6).flat_map(ring).map(|(angle, r)| [r * libm::cos(angle), r * libm::sin(angle), -r]);
+        let points: Vec<[f64; 3]> = [[0.0; 3]].into_iter().chain(rings).collect();
+        let at = |k: u32, i: u32| WedgeId(1 + k * around + i % around);
+        let tip = (0..around).map(|i| [WedgeId(0), at(0, i), at(0, i + 1)]);
+        let bands = (0..5).flat_map(|k| (0..around).map(move |i| (k, i)));
+        let quads = bands.flat_map(|(k, i)| {
+            let [a, b, c, d] = [at(k, i), at(k + 1, i), at(k + 1, i + 1), at(k, i + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let faces: Vec<[VertexId; 3]> = tip.chain(quads).map(|t| t.map(|w| VertexId(w.0))).collect();
+        let mesh = TriMesh::new(Positions::F64(points), faces).expect("a sound mesh");
+        with_engine(Memoryless, &mesh, &SimplifyOptions::default(), &mut |engine, _| {
+            for round in 0..3 {
+                let blocks = engine.cut_into_blocks(None, round, 500).expect("several blocks");
+                let free = blocks.all.iter().flat_map(|block| {
+                    let LiveMesh { store, constraints, .. } = &block.engine.mesh;
+                    (constraints.frozen..store.v.len()).map(|u| store.listed(VertexId::new(u)).len())
+                });
+                assert!(free.max().is_some_and(|most| most < 20));
+            }
         });
     }
 

@@ -565,15 +565,21 @@ impl<M: Metric> LiveMesh<M> {
             }
             // (The shorter list is searched: one of the two vertices may be a hub.)
             let [here, there] = [w.a, w.b].map(|o| self.store.listed(o));
+            // (In a block that face may be elsewhere.)
+            let mut is_hidden = [w.a, w.b].iter().all(|o| o.index() < self.constraints.frozen);
             for &c in if here.len() <= there.len() { here } else { there } {
                 let t = &self.store.t[c.face()];
                 if c.face() == w.corner.face() || ![w.a, w.b].iter().all(|o| t.contains(o)) {
                     continue;
                 }
+                is_hidden = false;
                 let [p, q, r] = t.map(|o| self.store.p(o));
                 if n.dot(unit((q - p).cross(r - p))) < FOLD_COS {
                     return true;
                 }
+            }
+            if is_hidden {
+                return true;
             }
         }
         false

@@ -33,6 +33,11 @@ impl HubBudget {
         faces > HUB_FACES
     }
 
+    /// True if an edge of a vertex with this number of faces may be a hub, with a vertex of no more of them.
+    pub(super) fn may_be_hub(faces: usize) -> bool {
+        Self::is_hub(2 * faces)
+    }
+
     pub(super) fn begin_sweep(&mut self) {
         self.left_in_sweep = self.left / SWEEP_DIVISOR;
     }

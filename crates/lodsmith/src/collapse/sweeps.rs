@@ -14,6 +14,7 @@ use super::{Engine, Goal, LiveMesh, StopReason, record, samples};
 use crate::collapse::ordered_input::OriginalInput;
 use crate::control::{Control, Verdict};
 use crate::cost::metric::Metric;
+use crate::options::BlockSizes;
 use crate::report::Refusal;
 
 /// Share of the bounds that one sweep takes. (.4 and .7 give equal errors, .7 with fewer sweeps:
@@ -71,6 +72,8 @@ pub(crate) struct Sweeps {
     /// Collapses by the last probe.
     at_probe: u64,
     pub(super) productivity: Productivity,
+    /// Number of times that the mesh was cut into blocks.
+    rounds: usize,
 }
 
 /// Phase of a run of sweeps.
@@ -158,6 +161,13 @@ pub(crate) enum Pause {
     BeforeTopologyChanges,
 }
 
+impl BlockSizes {
+    /// Returns the number of faces from which a mesh is cut, for the first time or again.
+    fn least_faces(self, again: bool) -> usize {
+        if again { self.min_faces / MIN_FACES_DIVISOR } else { self.min_faces }
+    }
+}
+
 impl<M: Metric> LiveMesh<M> {
     /// Returns the number of collapses left for the goal; `None` without a goal.
     pub(super) fn needed(&self, goal: &Goal) -> Option<usize> {
@@ -217,6 +227,7 @@ impl<M: Metric> Engine<M> {
             lift: 1.0,
             at_probe: u64::MAX,
             productivity: Productivity { at_threshold: 0, wanted: 0.0, is_high: true },
+            rounds: 0,
         }
     }
 
@@ -254,8 +265,8 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Continues the sweeps towards a goal, and returns why they ended. Returns `None` at a pause: then the
-    /// run can be continued as if it had not paused, and so can a copy of it, to other goals or with other
-    /// rules.
+    /// run can be continued as if it had not paused (but in other blocks), and so can a copy of it, to other goals or with
+    /// other rules.
     pub(crate) fn resume_sweeps(
         &mut self,
         sweeps: &mut Sweeps,
@@ -282,7 +293,7 @@ impl<M: Metric> Engine<M> {
         self.mesh.find_details(final_goal);
         let (mut scratch, mut visits) = (VisitScratch::default(), Vec::new());
         let request = SweepRequest { goal: final_goal, pause, original, is_extreme };
-        if self.may_be_cut() {
+        if self.may_be_cut(sweeps) {
             match self.sweep_in_blocks(sweeps, &request, control) {
                 Verdict::Continue => {}
                 Verdict::Finish => return Some(StopReason::Finish),
@@ -326,7 +337,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// True if blocks of the mesh can be swept side by side, with the same rules.
-    fn may_be_cut(&self) -> bool {
+    fn may_be_cut(&self, sweeps: &Sweeps) -> bool {
         let LiveMesh { store, constraints, values, sampled, bounded, topology, .. } = &self.mesh;
         let is_early = sampled.is_none() && bounded.is_none() && constraints.details.is_none();
         let keeps_topology = topology.parts.is_none() && topology.pairs.is_none() && !constraints.cuts_necks;
@@ -336,7 +347,7 @@ impl<M: Metric> Engine<M> {
             && has_count
             && self.record.is_none()
             && values.wedge_data.is_none()
-            && store.live_faces >= constraints.rules.blocks.min_faces
+            && store.live_faces >= self.mesh.constraints.rules.blocks.least_faces(sweeps.rounds > 0)
     }
 
     /// Sweeps in blocks as long as sweeps are large. The run does not pause or end here, except by the caller's verdict.
@@ -347,13 +358,13 @@ impl<M: Metric> Engine<M> {
         control: &mut dyn Control,
     ) -> Verdict {
         let (goal, sizes) = (request.goal, self.mesh.constraints.rules.blocks);
-        let (mut blocks, mut rounds) = (None::<Blocks<M>>, 0);
+        let mut blocks = None::<Blocks<M>>;
         let mut verdict = Verdict::Continue;
         while let (Verdict::Continue, Phase::Threshold(bounds, After::Sweep)) = (verdict, &sweeps.phase) {
             let live = self.mesh.store.live_faces;
             self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
             if self.pauses(sweeps, request, bounds)
-                || live < sizes.min_faces / MIN_FACES_DIVISOR
+                || live < sizes.least_faces(true)
                 || self.is_near_end(goal, request.is_extreme, blocks.as_ref())
             {
                 break;
@@ -365,9 +376,12 @@ impl<M: Metric> Engine<M> {
                     Some(blocks) => self.end_round(blocks),
                     None => self.mesh.store.compact_if_needed(),
                 }
-                let Some(cut) = self.cut_into_blocks(blocks.as_ref(), rounds, sizes.vertices) else { break };
+                let Some(cut) = self.cut_into_blocks(blocks.as_ref(), sweeps.rounds, sizes.vertices) else {
+                    break;
+                };
                 self.release_elements();
-                (blocks, rounds) = (Some(cut), rounds + 1);
+                blocks = Some(cut);
+                sweeps.rounds += 1;
             }
             let Some(cut) = &mut blocks else { break };
             let collapses = self.tally.collapses;
@@ -378,11 +392,13 @@ impl<M: Metric> Engine<M> {
             cut.sweep(sweeps.tau, area, self.mesh.needed(goal));
             let left = cut.take_tally(&mut self.tally);
             [self.mesh.store.live_faces, self.mesh.store.live_vertices] = left;
-            self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
             sweeps.has_swept = true;
             sweeps.set_bounds(known_bounds(cut.bounds()));
             let done = self.tally.collapses - collapses;
-            self.tally.is_unproductive |= done > 0 && !sweeps.productivity.is_high;
+            if done > 0 {
+                self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
+                self.tally.is_unproductive |= !sweeps.productivity.is_high;
+            }
             if done as f64 <= MIN_SHARE_IN_BLOCKS * wanted {
                 break;
             }

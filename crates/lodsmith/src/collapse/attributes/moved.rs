@@ -35,13 +35,13 @@ impl Attributes {
             self.joint_weights.extend(from.joint_weights.get(w.index()).cloned());
             self.labels.extend(from.labels.get(w.index()).copied());
         }
-        match self.heads.last_mut() {
-            Some(last) if start < last.next.index() => {
-                last.next = NO_WEDGE;
-                WedgeId::new(start)
-            }
-            _ => NO_WEDGE,
+        if self.count() == start {
+            return NO_WEDGE;
         }
+        if let Some(last) = self.heads.last_mut() {
+            last.next = NO_WEDGE;
+        }
+        WedgeId::new(start)
     }
 
     /// Releases the rows, which are elsewhere; the number of wedges stays.
@@ -69,5 +69,35 @@ impl Attributes {
         if let Some(&label) = from.labels.get(w.index()) {
             self.labels[own] = label;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chains_keep_their_wedges_in_order() {
+        let mut all = Attributes::new(4, 1, Vec::new(), Vec::new(), &[0.0, 1.0, 2.0, 3.0], Vec::new());
+        all.labels = vec![7, 8, 9, 6];
+        // Of one vertex 3 and 1, and of another 2.
+        all.heads[3].next = WedgeId(1);
+        all.heads[1].hard = [true, false];
+        let mut some = all.without_wedges(3);
+        assert_eq!(some.add_chain(&all, NO_WEDGE), NO_WEDGE);
+        let firsts = [WedgeId(3), NO_WEDGE, WedgeId(2)].map(|first| some.add_chain(&all, first));
+        assert_eq!(firsts, [WedgeId(0), NO_WEDGE, WedgeId(2)]);
+        let of = |from: &Attributes, first: WedgeId| -> Vec<(f32, u32, [bool; 2])> {
+            let one = |w: WedgeId| (from.of(w)[0], from.labels[w.index()], from.heads[w.index()].hard);
+            from.chain(first).map(one).collect()
+        };
+        assert_eq!(of(&some, WedgeId(0)), [(3.0, 6, [false; 2]), (1.0, 8, [true, false])]);
+        let before = of(&all, WedgeId(3));
+        all.take_rows();
+        all.make_room();
+        all.heads.fill(Head::default());
+        (0..3).for_each(|w| all.put(&some, WedgeId(w), &[WedgeId(3), WedgeId(1), WedgeId(2)]));
+        assert_eq!(of(&all, WedgeId(3)), before);
+        assert_eq!(of(&all, WedgeId(2)), [(2.0, 9, [false; 2])]);
     }
 }

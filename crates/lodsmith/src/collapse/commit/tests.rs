@@ -166,6 +166,10 @@ fn faces_that_rotate_far_may_not_fold_onto_their_neighbours() {
         // Without the base there is nothing to lie on.
         let mut open = engine_of(Memoryless, &pyramid(h), &without_lines());
         assert!(cost_at(&mut open, [1, 0], Vec3::ZERO).is_ok(), "height {h}");
+        // In a block the base may be elsewhere.
+        open.mesh.constraints.frozen = 5;
+        let found = cost_at(&mut open, [1, 0], Vec3::ZERO);
+        assert_eq!(found.err(), (!is_allowed).then_some(Refusal::NormalFlip), "height {h}");
     }
 }
 
