@@ -3,7 +3,7 @@
 use lodsmith::core::measure::{CompareOptions, compare, compare_attributes};
 use lodsmith::core::{RegionId, TriMesh, WedgeId, shapes};
 use lodsmith::{
-    BlockSizes, BorderPolicy, Input, Levels, LodOptions, MethodKind, NoControl, SimplifyError,
+    BlockSizes, BorderPolicy, Input, Length, Levels, LodOptions, MethodKind, NoControl, SimplifyError,
     SimplifyOptions, Stop, StoppedBy, Verdict, lod, simplify, simplify_with,
 };
 
@@ -211,5 +211,29 @@ fn other_methods_are_swept_in_blocks_too() {
             assert!(cut != whole, "{method:?} was cut");
             assert!(cut < 1.05 * whole, "{method:?} at {ratio}: {cut} of {whole}");
         }
+    }
+}
+
+#[test]
+fn limits_hold_in_blocks() {
+    for (name, mesh) in
+        [("blob", shapes::blob(5, 1)), ("sheet", shapes::wavy_sheet(64)), ("torus", shapes::torus(48, 48))]
+    {
+        let run = |blocks: BlockSizes, threads: usize| {
+            let mut options = options(1.0, blocks);
+            options.stop = Stop::error(Length::OfDiagonal(0.002));
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| simplify(&mesh, &options)).unwrap()
+        };
+        let [one, three] = [1, 3].map(|threads| run(SMALL, threads));
+        assert!(bytes(&one.mesh) == bytes(&three.mesh), "{name}");
+        let whole = run(OFF, 1);
+        assert!(bytes(&one.mesh) != bytes(&whole.mesh), "{name} was cut");
+        let compared = compare(&mesh.surface(), &one.mesh.surface(), &CompareOptions::default()).unwrap();
+        let limit = 0.002 * mesh.positions().view().bounds().unwrap().diagonal();
+        assert!(compared.hausdorff.symmetric <= limit, "{name}: {} of {limit}", compared.hausdorff.symmetric);
+        assert_eq!(one.report.stopped_by, StoppedBy::Error, "{name}");
+        let (cut, whole) = (one.report.faces as f64, whole.report.faces as f64);
+        assert!(cut < 1.03 * whole, "{name}: {cut} of {whole} faces");
     }
 }

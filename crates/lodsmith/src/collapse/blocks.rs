@@ -27,6 +27,7 @@ use lodsmith_core::{VertexId, WedgeId};
 
 use super::attributes::{Attributes, NO_WEDGE};
 use super::bound::{Histogram, UNKNOWN};
+use super::bounded::Bounded;
 use super::hub_budget::HubBudget;
 use super::order::{MORTON_BITS, NONE, morton_code};
 use super::store::Store;
@@ -91,6 +92,7 @@ struct FacesBetween {
     /// Number of each face in the mesh that was cut.
     numbers: Vec<u32>,
     values: FaceValues<'static>,
+    bounded: Option<Box<Bounded>>,
 }
 
 impl<M: Metric> Blocks<M> {
@@ -151,6 +153,17 @@ impl<M: Metric> Blocks<M> {
         let numbers = self.all.iter().map(|block| &block.before.wedges[..]).collect();
         let inside = self.all.iter().map(|block| FaceValues::of(&block.engine.mesh.store));
         FaceValues::joined(inside.chain([self.between.values.borrowed()]).collect(), numbers, faces)
+    }
+
+    /// Returns the limit, if there is one, with the samples of a face and others, and the name of that face.
+    fn samples(&self, at: InBlock) -> Option<(&Bounded, u32)> {
+        match self.all.get(at.block()) {
+            None => Some((self.between.bounded.as_deref()?, at.index() as u32)),
+            Some(Block { engine, .. }) => {
+                let LiveMesh { store, bounded, .. } = &engine.mesh;
+                Some((bounded.as_deref()?, store.names.as_ref()?[at.index()]))
+            }
+        }
     }
 
     /// Returns the attributes with the wedges of a vertex, the first of these, and the numbers of all wedges in the run.
@@ -263,12 +276,18 @@ impl<M: Metric> Engine<M> {
         if count < 2 {
             return None;
         }
+        let living_faces = cut.map(Blocks::live_faces).unwrap_or_default();
         let (faces, values) = match cut {
             None => (Cow::Borrowed(&store.t), FaceValues::of(store)),
-            Some(cut) => {
-                let faces = cut.live_faces();
-                (Cow::Owned(cut.renumbered(&faces, &living)), cut.face_values(&faces))
-            }
+            Some(cut) => (Cow::Owned(cut.renumbered(&living_faces, &living)), cut.face_values(&living_faces)),
+        };
+        let bounded_of = |faces: &[u32], vertices: usize| {
+            let all = self.mesh.bounded.as_deref()?;
+            let of_face = |&i: &u32| match cut {
+                None => Some((all, store.names.as_ref()?[i as usize])),
+                Some(cut) => cut.samples(living_faces[i as usize]),
+            };
+            Some(Box::new(all.of_faces(faces.iter().filter_map(of_face), vertices)))
         };
         let block_of_face = chunks::list(faces.len(), |i| {
             let [a, b, c] = faces[i].map(|w| block_of[w.index()]);
@@ -329,7 +348,10 @@ impl<M: Metric> Engine<M> {
             }
             let cost_factors = self.mesh.constraints.cost_factors.as_ref();
             let cost_factors = cost_factors.map(|all| origins.iter().map(|o| all[o.index()]).collect());
-            let engine = self.mesh.engine_of_block(own, frozen, cost_factors, attributes);
+            let bounded = bounded_of(&of_faces, numbers.len());
+            own.names = bounded.is_some().then(|| (0..of_faces.len() as u32).collect());
+            let mut engine = self.mesh.engine_of_block(own, frozen, cost_factors, attributes);
+            engine.mesh.bounded = bounded;
             Block {
                 engine,
                 before: NumbersBefore { origins, vertices: numbers, faces: of_faces, wedges },
@@ -345,6 +367,7 @@ impl<M: Metric> Engine<M> {
         let between = FacesBetween {
             corners: crossing.iter().map(|&i| faces[i as usize].map(corner)).collect(),
             values: values.of_some(&crossing),
+            bounded: bounded_of(&crossing, 0),
             numbers: crossing,
         };
         Some(Blocks { all, between, vertices, faces: faces.len() })
@@ -372,6 +395,7 @@ impl<M: Metric> Engine<M> {
     pub(super) fn release_elements(&mut self) {
         self.mesh.store.release_elements();
         self.mesh.values.attributes.iter_mut().for_each(Attributes::take_rows);
+        self.mesh.bounded.iter_mut().for_each(|bounded| bounded.release_samples());
     }
 
     /// Makes one mesh of the blocks again, in the order that it had.
@@ -383,6 +407,12 @@ impl<M: Metric> Engine<M> {
         self.mesh.store.put_elements(v, bound, blocks.renumbered(&faces, &living));
         blocks.face_values(&faces).put_into(&mut self.mesh.store);
         self.take_wedges(blocks, &living);
+        if let Some(all) = &self.mesh.bounded {
+            let store = &mut self.mesh.store;
+            let samples = faces.iter().filter_map(|&at| blocks.samples(at));
+            self.mesh.bounded = Some(Box::new(all.of_faces(samples, store.merged_into.len())));
+            store.names = Some((0..faces.len() as u32).collect());
+        }
     }
 
     /// Takes the wedges of all blocks back; the vertices are `living`.

@@ -425,6 +425,41 @@ impl Bounded {
         }
     }
 
+    /// Returns the same limit with the samples of these faces only, each of a mesh with a name there; the faces are named by
+    /// their place. Nothing is known about `vertices` yet.
+    pub(super) fn of_faces<'a>(&self, faces: impl Iterator<Item = (&'a Self, u32)>, vertices: usize) -> Self {
+        let (mut samples, mut heads, mut near) = (Vec::new(), Vec::new(), Vec::new());
+        for (from, name) in faces {
+            let first = samples.len();
+            let own = from.listed(name).map(|(_, sample)| *sample);
+            samples.extend((first as u32 + 1..).zip(own).map(|(next, sample)| FaceSample { next, ..sample }));
+            heads.push(if samples.len() > first { first as u32 } else { END });
+            if let Some(last) = samples[first..].last_mut() {
+                last.next = END;
+            }
+            near.push(from.near[name as usize]);
+        }
+        Self {
+            input: Arc::clone(&self.input),
+            cover: Arc::clone(&self.cover),
+            is_exact: Arc::clone(&self.is_exact),
+            varying: self.varying.clone(),
+            samples,
+            heads,
+            near,
+            change: 1,
+            changes: vec![1; vertices],
+            tried: vec![(0, 0.0); vertices],
+            witness: vec![END; vertices],
+            ..*self
+        }
+    }
+
+    /// Releases the samples, which are elsewhere.
+    pub(super) fn release_samples(&mut self) {
+        (self.samples, self.heads, self.near) = Default::default();
+    }
+
     /// Makes the limit vary: by shares of the vertices of the input, and by the same as a map, with the least limit of
     /// any place in user units.
     ///

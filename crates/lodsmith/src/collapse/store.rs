@@ -126,7 +126,7 @@ impl<Q: VertexMemory> Store<Q> {
     /// Releases all elements; numbers in the ordered input stay.
     pub(super) fn release_elements(&mut self) {
         (self.v, self.bound, self.t, self.corners) = Default::default();
-        (self.wedges, self.first_wedge, self.regions, self.creases) = Default::default();
+        (self.wedges, self.first_wedge, self.regions, self.creases, self.names) = Default::default();
     }
 
     /// Puts in vertices, bounds and faces of other numbers, all live; the corner lists are still to be filled.

@@ -6,6 +6,7 @@ use lodsmith_core::VertexId;
 
 use super::blocks::Blocks;
 use super::bound::Histogram;
+use super::bounded::Bounded;
 use super::candidate::{Attempt, CollapseOutcome};
 use super::star_data::PREFETCH_MIN_VERTICES;
 use super::star_edges::Looseness;
@@ -41,6 +42,9 @@ const MIN_FIRST_SAMPLES: usize = 128;
 /// Live faces or vertices above the goal, as a share of it, below which a mesh is not cut any more: the last sweeps are
 /// serial. (At least as many as are frozen, which are still to be reduced like the others.)
 const LAST_PART: f64 = 0.05;
+/// With a limit, the number of faces from which meshes are cut, and that of the vertices of a block, are divided by these.
+/// (Guessed.)
+const BOUNDED_DIVISORS: [usize; 2] = [8, 4];
 /// Share of the collapses that a threshold aims at below which sweeps are serial from then on. (Guessed. Measured: .2 to .8
 /// on a scan and its subdivisions; leaving the blocks at .24, which is what makes a run unproductive, left half of the
 /// collapses of 9.4 million faces to serial sweeps.)
@@ -339,15 +343,30 @@ impl<M: Metric> Engine<M> {
     /// True if blocks of the mesh can be swept side by side, with the same rules.
     fn may_be_cut(&self, sweeps: &Sweeps) -> bool {
         let LiveMesh { store, constraints, values, sampled, bounded, topology, .. } = &self.mesh;
-        let is_early = sampled.is_none() && bounded.is_none() && constraints.details.is_none();
+        let is_early = sampled.is_none() && constraints.details.is_none();
+        // (Limits that vary are known by the number of a sample.)
+        let has_one_limit = |bounded: &Bounded| bounded.varying.is_none() && bounded.max_refusals == u64::MAX;
         let keeps_topology = topology.parts.is_none() && topology.pairs.is_none() && !constraints.cuts_necks;
         let has_count = !constraints.rules.max_estimate.is_finite();
         is_early
             && keeps_topology
             && has_count
+            && bounded.as_deref().is_none_or(has_one_limit)
             && self.record.is_none()
             && values.wedge_data.is_none()
-            && store.live_faces >= self.mesh.constraints.rules.blocks.least_faces(sweeps.rounds > 0)
+            && store.live_faces >= self.block_sizes().least_faces(sweeps.rounds > 0)
+    }
+
+    /// Returns the sizes of blocks: with a limit each collapse takes so long that small blocks pay.
+    fn block_sizes(&self) -> BlockSizes {
+        let BlockSizes { min_faces, vertices } = self.mesh.constraints.rules.blocks;
+        match self.mesh.bounded {
+            None => BlockSizes { min_faces, vertices },
+            Some(_) => BlockSizes {
+                min_faces: min_faces / BOUNDED_DIVISORS[0],
+                vertices: vertices / BOUNDED_DIVISORS[1],
+            },
+        }
     }
 
     /// Sweeps in blocks as long as sweeps are large. The run does not pause or end here, except by the caller's verdict.
@@ -357,7 +376,7 @@ impl<M: Metric> Engine<M> {
         request: &SweepRequest<'_>,
         control: &mut dyn Control,
     ) -> Verdict {
-        let (goal, sizes) = (request.goal, self.mesh.constraints.rules.blocks);
+        let (goal, sizes) = (request.goal, self.block_sizes());
         let mut blocks = None::<Blocks<M>>;
         let mut verdict = Verdict::Continue;
         while let (Verdict::Continue, Phase::Threshold(bounds, After::Sweep)) = (verdict, &sweeps.phase) {
