@@ -166,6 +166,12 @@ impl<M: Metric> Blocks<M> {
         }
     }
 
+    /// Returns the limit, if there is one, with what is known about a vertex, and its number there.
+    fn tried(&self, at: InBlock) -> Option<(&Bounded, VertexId)> {
+        let LiveMesh { store, bounded, .. } = &self.all[at.block()].engine.mesh;
+        Some((bounded.as_deref()?, store.v[at.index()].origin))
+    }
+
     /// Returns the attributes with the wedges of a vertex, the first of these, and the numbers of all wedges in the run.
     fn wedges(&self, at: InBlock) -> Option<(&Attributes, WedgeId, &[WedgeId])> {
         let Block { engine, before, .. } = &self.all[at.block()];
@@ -281,13 +287,18 @@ impl<M: Metric> Engine<M> {
             None => (Cow::Borrowed(&store.t), FaceValues::of(store)),
             Some(cut) => (Cow::Owned(cut.renumbered(&living_faces, &living)), cut.face_values(&living_faces)),
         };
-        let bounded_of = |faces: &[u32], vertices: usize| {
+        let bounded_of = |faces: &[u32], vertices: &[u32]| {
             let all = self.mesh.bounded.as_deref()?;
             let of_face = |&i: &u32| match cut {
                 None => Some((all, store.names.as_ref()?[i as usize])),
                 Some(cut) => cut.samples(living_faces[i as usize]),
             };
-            Some(Box::new(all.of_faces(faces.iter().filter_map(of_face), vertices)))
+            let of_vertex = |&i: &u32| match cut {
+                None => Some((all, store.v[i as usize].origin)),
+                Some(cut) => cut.tried(living[i as usize]),
+            };
+            let vertices = vertices.iter().filter_map(of_vertex);
+            Some(Box::new(all.of_some(faces.iter().filter_map(of_face), vertices)))
         };
         let block_of_face = chunks::list(faces.len(), |i| {
             let [a, b, c] = faces[i].map(|w| block_of[w.index()]);
@@ -348,7 +359,7 @@ impl<M: Metric> Engine<M> {
             }
             let cost_factors = self.mesh.constraints.cost_factors.as_ref();
             let cost_factors = cost_factors.map(|all| origins.iter().map(|o| all[o.index()]).collect());
-            let bounded = bounded_of(&of_faces, numbers.len());
+            let bounded = bounded_of(&of_faces, &numbers);
             own.names = bounded.is_some().then(|| (0..of_faces.len() as u32).collect());
             let mut engine = self.mesh.engine_of_block(own, frozen, cost_factors, attributes);
             engine.mesh.bounded = bounded;
@@ -367,7 +378,7 @@ impl<M: Metric> Engine<M> {
         let between = FacesBetween {
             corners: crossing.iter().map(|&i| faces[i as usize].map(corner)).collect(),
             values: values.of_some(&crossing),
-            bounded: bounded_of(&crossing, 0),
+            bounded: bounded_of(&crossing, &[]),
             numbers: crossing,
         };
         Some(Blocks { all, between, vertices, faces: faces.len() })
@@ -408,9 +419,12 @@ impl<M: Metric> Engine<M> {
         blocks.face_values(&faces).put_into(&mut self.mesh.store);
         self.take_wedges(blocks, &living);
         if let Some(all) = &self.mesh.bounded {
-            let store = &mut self.mesh.store;
             let samples = faces.iter().filter_map(|&at| blocks.samples(at));
-            self.mesh.bounded = Some(Box::new(all.of_faces(samples, store.merged_into.len())));
+            let tried = living.iter().filter_map(|&at| blocks.tried(at));
+            let found = all.of_some(samples, tried);
+            let LiveMesh { store, bounded, .. } = &mut self.mesh;
+            let numbers = store.v.iter().map(|x| x.origin);
+            *bounded = Some(Box::new(found.renumbered(numbers, store.merged_into.len())));
             store.names = Some((0..faces.len() as u32).collect());
         }
     }
@@ -510,12 +524,18 @@ impl<M: Metric> Blocks<M> {
 impl<M: Metric> Block<M> {
     /// Marks frozen vertices and their neighbours as not visited: edges between them have not been evaluated.
     fn forget_frozen(&mut self) {
-        let LiveMesh { store, constraints, .. } = &mut self.engine.mesh;
-        for u in (0..constraints.frozen).map(VertexId::new) {
+        let LiveMesh { store, constraints, bounded, .. } = &mut self.engine.mesh;
+        let mut forget = |store: &mut Store<M::Memory>, u: VertexId| {
             store.bound[u.index()] = UNKNOWN;
+            let origin = store.v[u.index()].origin;
+            bounded.iter_mut().for_each(|bounded| bounded.forget_tried(origin));
+        };
+        for u in (0..constraints.frozen).map(VertexId::new) {
+            forget(store, u);
             for k in 0..store.listed(u).len() {
                 let (a, b) = store.others_at(store.listed(u)[k]);
-                (store.bound[a.index()], store.bound[b.index()]) = (UNKNOWN, UNKNOWN);
+                forget(store, a);
+                forget(store, b);
             }
         }
     }

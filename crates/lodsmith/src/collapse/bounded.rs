@@ -16,6 +16,7 @@ use super::ring::Ring;
 use super::store::Store;
 use super::triangle;
 use super::wings::Wings;
+use crate::chunks;
 use crate::cost::metric::VertexMemory;
 
 /// End of a list.
@@ -38,6 +39,9 @@ const DENSER: f64 = 8.0;
 /// compared with all of them, so the work at a hub would be quadratic. (A vertex has more only as a hub: outputs of
 /// other models stay the same.)
 pub(super) const MAX_BOUNDED_STAR: usize = 128;
+/// Numbers of samples, and of faces, that one thread compares in a row: each begins with what the one before found.
+const SAMPLES_PER_PIECE: usize = 1 << 13;
+const FACES_PER_PIECE: usize = 1 << 11;
 /// Part of the limit that is left for rounding to single precision, in the unit frame.
 const ROUNDING: f64 = 4e-7;
 
@@ -377,30 +381,33 @@ impl Bounded {
         let mut samples = sample_input(&cover, unit_limit, sampling);
         let tree = tree_of(store);
         let mut heads = vec![END; store.t.len()];
-        let mut hint = Hint::default();
         let at_hubs = faces_at_hubs(points, faces, store);
-        for (i, s) in samples.iter_mut().enumerate() {
-            let own = homes(&cover, s).next().filter(|face| at_hubs.get(face.index()) == Some(&true));
-            let face = match own {
-                Some(face) => face,
-                None => {
-                    let hit = tree.closest_from(s.p.as_dvec3().to_array(), &mut hint);
-                    let Some(hit) = hit else { continue };
+        let nearest = chunks::shared(&mut samples, SAMPLES_PER_PIECE, |_, piece| {
+            let mut hint = Hint::default();
+            let mut nearest = |s: &mut FaceSample| {
+                let own = homes(&cover, s).next().filter(|face| at_hubs.get(face.index()) == Some(&true));
+                own.or_else(|| {
+                    let hit = tree.closest_from(s.p.as_dvec3().to_array(), &mut hint)?;
                     s.distance_sq = hit.distance_sq as f32;
-                    hit.face
-                }
+                    Some(hit.face)
+                })
             };
-            s.next = std::mem::replace(&mut heads[face.index()], i as u32);
+            piece.iter_mut().map(&mut nearest).collect::<Vec<_>>()
+        });
+        for (i, (s, face)) in samples.iter_mut().zip(nearest.iter().flatten()).enumerate() {
+            if let Some(face) = face {
+                s.next = std::mem::replace(&mut heads[face.index()], i as u32);
+            }
         }
         // Of the faces of the input near a face, the one that is turned like it.
-        let over = |(&head, t): (&u32, &[VertexId; 3])| {
-            let [a, b, c] = t.map(|v| store.p(v));
+        let over = |i: usize| {
+            let [a, b, c] = store.t[i].map(|v| store.p(v));
             let normal = (b - a).cross(c - a);
-            let near = listed(&samples, head).flat_map(|(_, s)| homes(&cover, s));
+            let near = listed(&samples, heads[i]).flat_map(|(_, s)| homes(&cover, s));
             let turned = |&face: &FaceId| cover.normal(face).normalize_or_zero().dot(normal);
             near.max_by(|x, y| turned(x).total_cmp(&turned(y)))
         };
-        let near = heads.iter().zip(&store.t).map(|x| NearInput { over: over(x), slot: u32::MAX }).collect();
+        let near = chunks::list(heads.len(), |i| NearInput { over: over(i), slot: u32::MAX });
         if sampling.is_none() {
             samples.clear();
             heads.fill(END);
@@ -425,9 +432,13 @@ impl Bounded {
         }
     }
 
-    /// Returns the same limit with the samples of these faces only, each of a mesh with a name there; the faces are named by
-    /// their place. Nothing is known about `vertices` yet.
-    pub(super) fn of_faces<'a>(&self, faces: impl Iterator<Item = (&'a Self, u32)>, vertices: usize) -> Self {
+    /// Returns the same limit with the samples of these faces only, each of a mesh with a name there, and what is known
+    /// about these vertices, each of a mesh with a number there. Faces and vertices are named by their place.
+    pub(super) fn of_some<'a>(
+        &self,
+        faces: impl Iterator<Item = (&'a Self, u32)>,
+        vertices: impl Iterator<Item = (&'a Self, VertexId)>,
+    ) -> Self {
         let (mut samples, mut heads, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for (from, name) in faces {
             let first = samples.len();
@@ -439,6 +450,12 @@ impl Bounded {
             }
             near.push(from.near[name as usize]);
         }
+        let (mut change, mut changes, mut tried) = (1, Vec::new(), Vec::new());
+        for (from, v) in vertices {
+            change = from.change.max(change);
+            changes.push(from.changes[v.index()]);
+            tried.push(from.tried[v.index()]);
+        }
         Self {
             input: Arc::clone(&self.input),
             cover: Arc::clone(&self.cover),
@@ -447,12 +464,21 @@ impl Bounded {
             samples,
             heads,
             near,
-            change: 1,
-            changes: vec![1; vertices],
-            tried: vec![(0, 0.0); vertices],
-            witness: vec![END; vertices],
+            change,
+            witness: vec![END; changes.len()],
+            changes,
+            tried,
             ..*self
         }
+    }
+
+    /// Gives the vertices these numbers, of `count` that there are.
+    pub(super) fn renumbered(self, numbers: impl Iterator<Item = VertexId>, count: usize) -> Self {
+        let (mut changes, mut tried) = (vec![1; count], vec![(0, 0.0); count]);
+        for (k, v) in numbers.enumerate() {
+            (changes[v.index()], tried[v.index()]) = (self.changes[k], self.tried[k]);
+        }
+        Self { changes, tried, witness: vec![END; count], ..self }
     }
 
     /// Releases the samples, which are elsewhere.
@@ -540,6 +566,11 @@ impl Bounded {
         self.tried[u.index()] = (self.change, tau);
     }
 
+    /// Notes that edges of a vertex may not have been tried.
+    pub(super) fn forget_tried(&mut self, u: VertexId) {
+        self.tried[u.index()] = (0, 0.0);
+    }
+
     /// Notes the sample that refused an edge; [`END`] if it was none.
     pub(super) fn set_witness(&mut self, ends: [VertexId; 2], sample: u32) {
         if sample != END {
@@ -552,19 +583,22 @@ impl Bounded {
     /// Returns the faces of the input that are not proven to be within a distance of a result, in user units, and those
     /// around them.
     pub(crate) fn faces_beyond(&self, made: &Prepared, limit: f64) -> Vec<FaceId> {
-        let mut test = FaceTest::default();
-        let mut near = u32::MAX;
-        let mut is_beyond = |face: &FaceId| {
+        let is_beyond = |face: &FaceId, (test, near): &mut (FaceTest, u32)| {
             let user = self.cover.corners(*face).map(|p| self.frame.user_from_unit(p.as_dvec3()));
-            let Some(varying) = &self.varying else { return !test.is_within(user, made, limit, &mut near) };
+            let Some(varying) = &self.varying else { return !test.is_within(user, made, limit, near) };
             let floor = (varying.rounding / limit).min(1.0);
             let value = |v: VertexId| floor + (1.0 - floor) * f64::from(varying.shares[v.index()]);
             let values = self.cover.topology().triangle(*face).map(value);
-            !test.is_within_own(user, values, made, limit, &mut near)
+            !test.is_within_own(user, values, made, limit, near)
         };
         let topology = self.cover.topology();
-        let beyond = (0..topology.face_count()).map(FaceId::new).filter(|face| is_beyond(face));
-        let corners = beyond.flat_map(|face| topology.triangle(face));
+        let count = topology.face_count();
+        let beyond = chunks::each(count.div_ceil(FACES_PER_PIECE), |k| {
+            let faces = k * FACES_PER_PIECE..count.min((k + 1) * FACES_PER_PIECE);
+            let mut known = (FaceTest::default(), u32::MAX);
+            faces.map(FaceId::new).filter(|face| is_beyond(face, &mut known)).collect::<Vec<_>>()
+        });
+        let corners = beyond.into_iter().flatten().flat_map(|face| topology.triangle(face));
         let mut around: Vec<FaceId> = corners.flat_map(|v| self.cover.around(v)).collect();
         around.sort_unstable();
         around.dedup();

@@ -49,6 +49,8 @@ const BOUNDED_DIVISORS: [usize; 2] = [8, 4];
 /// on a scan and its subdivisions; leaving the blocks at .24, which is what makes a run unproductive, left half of the
 /// collapses of 9.4 million faces to serial sweeps.)
 const MIN_SHARE_IN_BLOCKS: f64 = 0.1;
+/// With a limit sweeps collapse less and less: they are in other blocks then, and below this share only one more is.
+const BOUNDED_MIN_SHARE: f64 = 0.01;
 /// Once a mesh is cut, it is cut again down to the number of faces from which meshes are cut, divided by this.
 const MIN_FACES_DIVISOR: usize = 4;
 /// Number of vertices between two progress reports.
@@ -379,6 +381,7 @@ impl<M: Metric> Engine<M> {
         let (goal, sizes) = (request.goal, self.block_sizes());
         let mut blocks = None::<Blocks<M>>;
         let mut verdict = Verdict::Continue;
+        let (mut cuts_anew, mut is_last) = (false, false);
         while let (Verdict::Continue, Phase::Threshold(bounds, After::Sweep)) = (verdict, &sweeps.phase) {
             let live = self.mesh.store.live_faces;
             self.update_productivity(&mut sweeps.productivity, sweeps.has_swept);
@@ -390,7 +393,11 @@ impl<M: Metric> Engine<M> {
             }
             sweeps.tau = self.threshold(bounds, goal);
             sweeps.highest = sweeps.highest.max(sweeps.tau);
-            if blocks.as_ref().is_none_or(|blocks| blocks.is_sparse(live)) {
+            if is_last {
+                // (All that is left below the limit: what is refused now needs no other test.)
+                sweeps.tau = f32::MAX;
+            }
+            if blocks.as_ref().is_none_or(|blocks| cuts_anew || blocks.is_sparse(live)) {
                 match &mut blocks {
                     Some(blocks) => self.end_round(blocks),
                     None => self.mesh.store.compact_if_needed(),
@@ -418,9 +425,12 @@ impl<M: Metric> Engine<M> {
                 self.tally.highest_threshold = self.tally.highest_threshold.max(sweeps.tau);
                 self.tally.is_unproductive |= !sweeps.productivity.is_high;
             }
-            if done as f64 <= MIN_SHARE_IN_BLOCKS * wanted {
+            let share = done as f64 / wanted;
+            cuts_anew = share <= MIN_SHARE_IN_BLOCKS;
+            if is_last || cuts_anew && self.mesh.bounded.is_none() {
                 break;
             }
+            is_last = cuts_anew && share <= BOUNDED_MIN_SHARE;
             verdict = control.progress(self.done(goal, sweeps.needed_at_start, sweeps.start_faces));
         }
         if let Some(mut blocks) = blocks {
