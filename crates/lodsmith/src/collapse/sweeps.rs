@@ -49,7 +49,8 @@ const BOUNDED_DIVISORS: [usize; 2] = [8, 4];
 /// on a scan and its subdivisions; leaving the blocks at .24, which is what makes a run unproductive, left half of the
 /// collapses of 9.4 million faces to serial sweeps.)
 const MIN_SHARE_IN_BLOCKS: f64 = 0.1;
-/// With a limit sweeps collapse less and less: they are in other blocks then, and below this share only one more is.
+/// With a limit, late sweeps collapse little, so that the mesh is cut anew after each; below this share of what a
+/// threshold aims at, one more sweep is in blocks. (Guessed.)
 const BOUNDED_MIN_SHARE: f64 = 0.01;
 /// Once a mesh is cut, it is cut again down to the number of faces from which meshes are cut, divided by this.
 const MIN_FACES_DIVISOR: usize = 4;
